@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -26,8 +27,9 @@ from frictionid.errors import InputError
 from frictionid.files import read_bytes, write_bytes
 from frictionid.outputs import check_writable, replace_files
 
-from .rig import Rig
+from .rig import AnyFriction, Rig
 from .simulation import COMMAND_DECIMALS
+from .torques import AnyCommand
 
 Settings = TypeVar("Settings")
 
@@ -97,28 +99,19 @@ def _sentence(error: Any) -> str:
     return f"{place}: {reason}" if place else reason
 
 
-def _unknown_keys(table: Any, kind: Any, place: str) -> Iterator[tuple[str, str, list[str]]]:
-    """Place, name and known names of each key that is no field of the dataclass `kind`."""
-    if not (isinstance(table, dict) and is_dataclass(kind)):
-        return
-    hints = get_type_hints(kind)
-    names = [field.name for field in fields(kind)]
-    for key, value in table.items():
-        if key not in names:
-            yield f"{place}: " if place else "", key, names
-            continue
-        inner = f"{place}.{key}".lstrip(".")
-        if isinstance(value, list):
-            for i, entry in enumerate(value):
-                yield from _unknown_keys(entry, _chosen(hints[key], entry), f"{inner}[{i}]")
-        else:
-            yield from _unknown_keys(value, _chosen(hints[key], value), inner)
-
-
-def _chosen(hint: Any, table: Any) -> Any:
-    """The dataclass of a table, among those of a type hint."""
-    kinds = _dataclasses(hint) if isinstance(table, dict) else ()
-    return next((d for d in kinds if _kind(d) == table.get("kind")), None)
+def _unknown_keys(value: Any, hint: Any, place: str) -> Iterator[tuple[str, str, list[str]]]:
+    """Place, name and known names of each key that is no field of the dataclass of its table."""
+    for i, entry in enumerate(value if isinstance(value, list) else ()):
+        yield from _unknown_keys(entry, hint, f"{place}[{i}]")
+    table = value if isinstance(value, dict) else {}
+    kinds = (d for d in _dataclasses(hint) if _kind(d) in (None, table.get("kind")))
+    for kind in islice(kinds, 1):  # of the table
+        hints, names = get_type_hints(kind), [field.name for field in fields(kind)]
+        for key, inner in table.items():
+            if key in names:
+                yield from _unknown_keys(inner, hints[key], f"{place}.{key}".lstrip("."))
+            else:
+                yield f"{place}: " if place else "", key, names
 
 
 def _dataclasses(hint: Any) -> Iterator[Any]:
@@ -132,15 +125,7 @@ def _kind(cls: Any) -> Any:
     return next((field.default for field in fields(cls) if field.name == "kind"), None)
 
 
-def _all_kinds(hint: Any) -> Iterator[str]:
-    for cls in _dataclasses(hint):
-        if kind := _kind(cls):
-            yield kind
-        for inner in get_type_hints(cls, include_extras=True).values():
-            yield from _all_kinds(inner)
-
-
-_KINDS = frozenset(_all_kinds(tuple[Rig, ...]))
+_KINDS = set(map(_kind, _dataclasses(tuple[AnyFriction, AnyCommand])))
 
 
 # finer than the 1e-7 rad and rad/s to which noise-free data sets are exact

@@ -183,7 +183,12 @@ def _check_variation(rig: Rig, variation: "Variation") -> None:
             f"variation: friction of kind {rig.friction.kind!r} cannot vary between recordings; "
             'take "stribeck"'
         )
-    variation.check(rig.friction.curve.n, len(rig.recordings))
+    for name, wanted in (("wear", rig.friction.curve.n), ("temperature", len(rig.recordings))):
+        values = getattr(variation, name)
+        if values and len(values) != wanted:
+            raise InputError(
+                f"variation: {name} has {len(values)} numbers; it needs {wanted}, or none"
+            )
 
 
 def _check_same(nominal: Mechanism, true: Mechanism) -> None:
@@ -215,7 +220,13 @@ def _check_run(run: Run, mechanism: Mechanism, *, tracked: bool) -> None:
     if tracked != bool(run.references):
         raise InputError(f"{where}: references, one for each joint, and a [controller] go together")
     if tracked:
-        _check_references(run, where, mechanism.n)
+        if len(run.references) != mechanism.n:
+            raise InputError(f"{where}: {len(run.references)} references for {mechanism.n} joints")
+        if run.torques or run.start_angle or run.start_velocity:
+            raise InputError(
+                f"{where}: torques, start_angle and start_velocity follow from its references; "
+                "leave them out"
+            )
         return
     for label, state in (("start_angle", run.start_angle), ("start_velocity", run.start_velocity)):
         if len(state) != mechanism.n and (state or label == "start_angle"):
@@ -231,14 +242,9 @@ def _check_run(run: Run, mechanism: Mechanism, *, tracked: bool) -> None:
         )
 
 
-def _check_references(run: Run, where: str, joints: int) -> None:
-    if len(run.references) != joints:
-        raise InputError(f"{where}: {len(run.references)} references for {joints} joints")
-    if run.torques or run.start_angle or run.start_velocity:
-        raise InputError(
-            f"{where}: torques, start_angle and start_velocity follow from its references; "
-            "leave them out"
-        )
+def generator(seed: int, recording: str, what: str) -> np.random.Generator:
+    """Random numbers for one thing of a recording, independent of all others."""
+    return np.random.default_rng([seed, zlib.crc32(f"{recording} {what}".encode())])
 
 
 _LEVELS = ("coulomb_positive", "coulomb_negative", "peak_positive", "peak_negative")
@@ -270,22 +276,11 @@ class Variation:
     worn_from: Annotated[int, Field(ge=0)] = 0
     sudden: bool = False
 
-    def check(self, joints: int, recordings: int) -> None:
-        """Raise InputError where a list does not fit the numbers of joints and recordings."""
-        for name, wanted in (("wear", joints), ("temperature", recordings)):
-            values = getattr(self, name)
-            if values and len(values) != wanted:
-                raise InputError(
-                    f"variation: {name} has {len(values)} numbers; it needs {wanted}, or none"
-                )
-
     def factors(self, names: Sequence[str], joints: int, seed: int) -> tuple[Array, Array]:
         """Factors (R, n) of all friction, and (R, n) of the levels alone, of named recordings."""
         count = len(names)
-        draws = [
-            np.random.default_rng([seed, zlib.crc32(f"{name} friction".encode())]) for name in names
-        ]
-        scatter = 1.0 + self.scatter * np.stack([rng.standard_normal(joints) for rng in draws])
+        draws = [generator(seed, name, "friction").standard_normal(joints) for name in names]
+        scatter = 1.0 + self.scatter * np.stack(draws)
         warm = np.array(self.temperature or (0.0,) * count)
         warmth = 1.0 + self.per_kelvin * (warm - warm[0])
         since = np.arange(count) - self.worn_from

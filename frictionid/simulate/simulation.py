@@ -1,6 +1,5 @@
 """Recordings of a simulated rig: commands, motion, camera."""
 
-import zlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,7 +10,7 @@ from frictionid.errors import InputError
 from frictionid.mechanics import Plant
 
 from .integrate import integrate_motion
-from .rig import Rig, Run, nominal_mechanism, true_system
+from .rig import Rig, Run, generator, nominal_mechanism, true_system
 from .torques import track
 
 ORIGIN = "simulated by frictionid simulate"
@@ -97,9 +96,9 @@ def _command(rig: Rig, run: Run, seed: int, end: float) -> Signal:
     time = np.arange(count) / rig.drive.rate
     mechanism = nominal_mechanism(rig)
     value = np.zeros((count, mechanism.n))
-    generator = _generator(seed, run, "torque")
+    draw = generator(seed, run.name, "torque")
     for joint, torque in zip(np.flatnonzero(mechanism.driven), run.torques, strict=False):
-        value[:, joint] = torque.values(time, generator)
+        value[:, joint] = torque.values(time, draw)
     return Signal(time, np.round(value, COMMAND_DECIMALS), hold="previous")
 
 
@@ -128,7 +127,7 @@ def _recorded(
     rig: Rig, run: Run, seed: int, command: Signal, time: Array, states: Array
 ) -> Recording:
     q, w = states[:, 0], states[:, 1]
-    noise = _generator(seed, run, "camera").standard_normal(q.shape)
+    noise = generator(seed, run.name, "camera").standard_normal(q.shape)
     angle = q + np.asarray(rig.camera.angle_noise) * noise
     if rig.camera.resolution:
         angle = rig.camera.resolution * np.round(angle / rig.camera.resolution)
@@ -146,7 +145,7 @@ def _covariates(rig: Rig, run: Run, time: Array) -> dict[str, Signal]:
     temperatures = rig.variation.temperature if rig.variation is not None else ()
     if not temperatures:
         return {}
-    value = temperatures[[other.name for other in rig.recordings].index(run.name)]
+    value = temperatures[rig.recordings.index(run)]
     return {"temperature": Signal(time, np.full((len(time), 1), value))}
 
 
@@ -154,13 +153,9 @@ def _logged(rig: Rig, run: Run, seed: int, command: Signal) -> Signal:
     """The command with the noise of what measures it."""
     if not rig.drive.torque_noise:
         return command
-    noise = _generator(seed, run, "torque sensor").standard_normal(command.value.shape)
+    noise = generator(seed, run.name, "torque sensor").standard_normal(command.value.shape)
     size = rig.drive.torque_noise * np.sqrt(np.mean(command.value**2, axis=0))
     return command._replace(value=np.round(command.value + size * noise, COMMAND_DECIMALS))
-
-
-def _generator(seed: int, run: Run, what: str) -> np.random.Generator:
-    return np.random.default_rng([seed, zlib.crc32(f"{run.name} {what}".encode())])
 
 
 def _rig_table(rig: Rig, seed: int) -> dict[str, object]:
