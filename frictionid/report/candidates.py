@@ -125,8 +125,7 @@ class Candidate:
         return self.errors.level
 
 
-@dataclass(frozen=True, eq=False)
-class Contrast:
+class Contrast(NamedTuple):
     """The best candidates of two groups, and the factor by which the first one is farther off."""
 
     first: Candidate
@@ -158,18 +157,18 @@ def candidates_of(data: SummaryData, measure: Measure) -> list[Candidate]:
         for model in data.of_role(*CANDIDATES)
         if not _has_seen(model, data)
     ]
+    static = [c for c in candidates if not has_memory(c.model)]
     controls = {
         c.model: (best.first.name, best.factor)
         for c in candidates
-        if has_memory(c.model)
-        and (best := contrast(_static(candidates, c.model.recipe), [c])) is not None
+        if has_memory(c.model) and (best := contrast(under(static, c.model.recipe), [c]))
     }
     return [replace(c, checks=checks_of(c.model, data, controls.get(c.model))) for c in candidates]
 
 
-def _static(candidates: Sequence[Candidate], recipe: str) -> list[Candidate]:
-    """Candidates without memory by a recipe."""
-    return [c for c in candidates if c.model.recipe in (ANY, recipe) and not has_memory(c.model)]
+def under(candidates: Sequence[Candidate], recipe: str) -> list[Candidate]:
+    """Candidates by a recipe, and those that no recipe changes."""
+    return [c for c in candidates if c.model.recipe in (ANY, recipe)]
 
 
 def _has_seen(model: Model, data: SummaryData) -> bool:
@@ -260,10 +259,7 @@ FAMILIES = {
     "black box": "no physics",
 }
 # laws whose form was learned, by their names in model files
-LEARNED = (
-    *("mlp", "window_mlp", "lstm", "ensemble", "TorchModule", "library", "table"),
-    "spline",
-)
+LEARNED = ("mlp", "window_mlp", "lstm", "ensemble", "TorchModule", "library", "table", "spline")
 
 
 def family(model: Model) -> str:

@@ -66,9 +66,7 @@ def numbers(values: Array) -> list[float | None]:
     >>> numbers(np.array([1 / 3, np.nan]))
     [0.33333, None]
     """
-    return [
-        float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in np.asarray(values).tolist()
-    ]
+    return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in values.tolist()]
 
 
 def line(x: Array, y: Array, name: str, style: Mapping[str, Any]) -> dict[str, Any]:

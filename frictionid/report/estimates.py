@@ -12,21 +12,18 @@ from .numbers import MINUS, NOTHING
 from .sections import DataDescription
 
 
-def change(e: Estimate) -> tuple[str, str, str]:
+def change(e: Estimate) -> list[str]:
     """Difference from the nominal value, which is not zero, and its 95 % interval [%]."""
     assert e.nominal
+    middle, *ends = (100 * (v / e.nominal - 1.0) for v in (e.value, *e.interval_95))
     error = 100 * e.error / abs(e.nominal)
-    low, high = sorted(100 * (v / e.nominal - 1.0) for v in e.interval_95)
-    texts = (rounded(v, error) for v in (100 * (e.value / e.nominal - 1.0), low, high))
-    middle_, low_, high_ = (t if t.startswith(MINUS) else f"+{t}" for t in texts)
-    return middle_, low_, high_
+    texts = (rounded(v, error) for v in (middle, *sorted(ends)))
+    return [text if text.startswith(MINUS) else f"+{text}" for text in texts]
 
 
-def span(e: Estimate, scale: float = 1.0) -> tuple[str, str, str]:
+def span(e: Estimate, scale: float) -> list[str]:
     """The value, times a scale, with its 95 % interval, as text."""
-    values = (scale * v for v in (e.value, *e.interval_95))
-    middle, low, high = (rounded(v, scale * e.error) for v in values)
-    return middle, low, high
+    return [rounded(scale * v, scale * e.error) for v in (e.value, *e.interval_95)]
 
 
 def true_value(e: Estimate, data: DataDescription | None) -> float | None:

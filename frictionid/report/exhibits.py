@@ -17,23 +17,13 @@ from .figures.motion import (
     torque_over_time,
     velocity_scatter,
 )
-from .figures.scores import (
-    errors_of_models,
-    loss_against,
-    one_step_boxes,
-    rollout_errors,
-)
+from .figures.scores import errors_of_models, loss_against, one_step_boxes, rollout_errors
 from .figures.studies import learning_curves
 from .figures.style import Styles, styles
 from .fit_table import parameter_numbers, parameter_table
 from .memory import loop_pictures, loop_table
-from .sections import Model, Section, SummaryData, rollout
-from .shooting_results import (
-    interval_numbers,
-    interval_table,
-    window_numbers,
-    window_table,
-)
+from .sections import Model, Section, SummaryData
+from .shooting_results import interval_numbers, interval_table, window_numbers, window_table
 from .summary_table import (
     caption_of,
     summary_of,
@@ -43,7 +33,7 @@ from .summary_table import (
     torque_table,
 )
 from .tables import Table, latex, markdown
-from .verdict import Verdict, chosen_of, verdict_of
+from .verdict import chosen_of, verdict_of
 from .verdict_table import marked, verdict_numbers, verdict_table
 
 
@@ -118,15 +108,14 @@ def names_of(sections: tuple[Section, ...]) -> Names:
 
 def shooting_fits(section: Section) -> list[Model]:
     """The fits with intervals, the one that predicts best first."""
-    data = section.fitted
-    first = data.best(section.shot, rollout(data.reported[-1])) if data.reported else None
+    first = section.fitted.best(section.shot, section.fitted.last_rollout)
     return sorted(section.shot, key=lambda model: model is not first)
 
 
-def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verdict) -> Exhibits:
+def exhibits_of(section: Section, data: SummaryData, names: Names) -> Exhibits:
     """Tables and pictures of one scored data set."""
     stem = names.stems[section.dataset, data.dataset]
-    summary = summary_of(data, verdict.failed)
+    summary = summary_of(data, verdict_of(section).failed)
     table = summary_table(summary, caption_of(data, summary))
     tables = [NamedTable(f"summary--{stem}", table, summary.frame)]
     frames = torque_frames(data)
@@ -135,12 +124,12 @@ def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verd
         heading = "Torque left, per joint"
         tables.append(NamedTable(f"torque--{stem}", left, torque_numbers(frames), heading))
     pictures = list(motion_pictures(section, data, names))
-    pictures += example_pictures(chosen_of(section, verdict), data, names, stem)
+    pictures += example_pictures(chosen_of(section), data, names, stem)
     if data.held_out:
-        tables += fitted_tables(section, verdict, stem)
+        tables += fitted_tables(section, stem)
         pictures = [*fitted_pictures(section, names), *pictures]
         for i, model in enumerate(shooting_fits(section)):
-            tables += fit_tables(section, model, names.fits[model], linked=i > 0)
+            tables += fit_tables(section, model, names.fits[model], i > 0)
             pictures.append(correlation_picture(section, model, names, linked=i > 0))
         pictures += kind_pictures(section, names, "bands")
     return Exhibits(tuple(tables), tuple(pictures))
@@ -149,8 +138,9 @@ def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verd
 # --- Tables ---------------------------------------------------------------------------------------
 
 
-def fitted_tables(section: Section, verdict: Verdict, stem: str) -> Iterator[NamedTable]:
+def fitted_tables(section: Section, stem: str) -> Iterator[NamedTable]:
     """Tables about what was fitted to a data set, beside the summary."""
+    verdict = verdict_of(section)
     if verdict.compared:
         numbers = verdict_numbers(verdict)
         heading = "Error against complexity, and how the models stand"
@@ -169,9 +159,7 @@ def fitted_tables(section: Section, verdict: Verdict, stem: str) -> Iterator[Nam
             yield NamedTable(f"{kind}--{stem}", marked(table, verdict), frame, heading)
 
 
-def fit_tables(
-    section: Section, model: Model, stem: str, *, linked: bool = False
-) -> Iterator[NamedTable]:
+def fit_tables(section: Section, model: Model, stem: str, linked: bool) -> Iterator[NamedTable]:
     """Tables of a fit by shooting: parameters, and windows that do not count."""
     data = section.description
     table = interval_table(model, section.dataset, data, section.of_role("given"))
@@ -258,13 +246,12 @@ def kind_pictures(section: Section, names: Names, kind: str) -> Iterator[Picture
 
 def _words(section: Section, recipe: str | None) -> dict[str, Any]:
     """What captions name."""
-    verdict = verdict_of(section)
-    chosen = chosen_of(section, verdict)
+    chosen, error = chosen_of(section), verdict_of(section).measure.of_what
     return {
         "dataset": section.dataset,
         "chosen": chosen.name if chosen else "",
         "beside": _beside(section, recipe),
-        "error": verdict.measure.of_what[:1].upper() + verdict.measure.of_what[1:],
+        "error": error[:1].upper() + error[1:],
         "schemes": " and ".join(dict.fromkeys(model.scheme for model in section.shot)),
     }
 

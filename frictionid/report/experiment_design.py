@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.arrays import Array
 from frictionid.excitation.design import OTHER_SCALES, Design
 from frictionid.excitation.experiment import DECIMALS
 from frictionid.excitation.signals import MARGIN
@@ -151,13 +150,12 @@ def exceeded(design: Design) -> Iterator[tuple[float, list[tuple[str, int, float
     limits = design.experiment.limits
     q, w = (np.swapaxes(values, 0, 1) for values in (design.others.q, design.others.w))
     for k, level in enumerate(OTHER_SCALES):
-        pairs = (("velocity", w[k], limits.velocity), ("angle", q[k], limits.angle))
-        yield level, [over for pair in pairs for over in _over(*pair)]
-
-
-def _over(name: str, values: Array, limit: Array) -> list[tuple[str, int, float]]:
-    most = np.abs(values).max((0, 1))
-    return [(name, int(j) + 1, float(most[j])) for j in np.flatnonzero(~(most <= limit))]
+        over = []
+        parts = (("velocity", w[k], limits.velocity), ("angle", q[k], limits.angle))
+        for name, values, limit in parts:
+            most = np.abs(values).max((0, 1))
+            over += [(name, int(j) + 1, float(most[j])) for j in np.flatnonzero(~(most <= limit))]
+        yield level, over
 
 
 FINE = 9  # decimals of a trajectory

@@ -40,17 +40,22 @@ def _numbers(model: Model) -> Iterator[tuple[Any, ...]]:
     read = [e for e in model.estimates if e.block == "friction"]
     identified = {(e.joint, e.parameter): e.identified for e in read}
     sparse = bool(model.provenance.equation)
+    fitted = model.role == "fitted"
+    for j, name, unit, value, folds in _each(model):
+        if sparse and value == 0 and not folds.any():
+            continue
+        mean = float(folds.mean()) if fitted else float("nan")
+        sd = float(folds.std(ddof=1)) if fitted and len(folds) > 1 else float("nan")
+        head = (model.label, model.recipe, model.role, j + 1, name, unit)
+        yield (*head, mean, sd, value, identified.get((j, name)))
+
+
+def _each(model: Model) -> Iterator[tuple[int, str, str, float, Array]]:
+    """Joint, name, unit and value of each parameter, NaN where none is known, and those (F,)."""
     for j, parameters in enumerate(model.document.get("joints", ())):
         for i, (name, number) in enumerate(parameters.items()):
-            folds = model.theta[:, j, i]
-            if sparse and number["value"] == 0 and not folds.any():
-                continue
-            fitted = model.role == "fitted"
-            mean = float(folds.mean()) if fitted else float("nan")
-            sd = float(folds.std(ddof=1)) if fitted and len(folds) > 1 else float("nan")
             value = float("nan") if number["value"] is None else float(number["value"])
-            head = (model.label, model.recipe, model.role, j + 1, name, number["unit"])
-            yield (*head, mean, sd, value, identified.get((j, name)))
+            yield j, name, number["unit"], value, model.theta[:, j, i]
 
 
 def parameter_table(section: Section, frame: pd.DataFrame) -> Table:
@@ -167,33 +172,27 @@ def _shot(model: Model) -> dict[tuple[int, str], Cell]:
     for e in model.estimates:
         if e.joint is not None:
             mark = mark_of(e)
-            words = "at its bound" if e.at_bound else "not identified"
-            value = f"{e.value:.2g}" if mark else digits(e.value, e.error)
-            beside = words if mark else interval(e.low, e.high, e.error)
-            texts = (text.replace("-", MINUS) for text in (value, beside))
-            cells[e.joint, e.parameter] = Cell(next(texts), mark=mark, interval=next(texts))
+            shown = digits(e.value, e.error), interval(e.low, e.high, e.error)
+            if mark:
+                shown = f"{e.value:.2g}", "at its bound" if e.at_bound else "not identified"
+            value, beside = (text.replace("-", MINUS) for text in shown)
+            cells[e.joint, e.parameter] = Cell(value, mark=mark, interval=beside)
     return cells
 
 
 def _fitted(model: Model) -> dict[tuple[int, str], Cell]:
     """Values from all data, with the jackknife's intervals where enough folds were fitted."""
-    theta = np.asarray(model.theta, dtype=float)
     fitted, bounds, cells = model.role == "fitted", _bounds(model), {}
-    for j, parameters in enumerate(model.document.get("joints", ())):
-        for i, (name, number) in enumerate(parameters.items()):
-            value = float("nan") if number["value"] is None else float(number["value"])
-            enough = fitted and len(theta) >= FEWEST
-            half = float(jackknife_width(theta[:, j, i])) if enough else float("nan")
-            if fitted and name in bounds and _near(value, bounds[name]):
-                cell = Cell(f"{value:.3g}", mark="bound", interval="at its bound")
-            elif np.isfinite(half) and half > 0:
-                middle, low, high = (
-                    rounded(v, half / 2) for v in (value, value - half, value + half)
-                )
-                cell = Cell(middle, interval=f"{low} to {high}")
-            else:
-                cell = Cell(short(value, 3).replace("-", MINUS))
-            cells[j, name] = cell
+    for j, name, _, value, folds in _each(model):
+        half = float(jackknife_width(folds)) if fitted and len(folds) >= FEWEST else 0.0
+        if fitted and name in bounds and _near(value, bounds[name]):
+            cell = Cell(f"{value:.3g}", mark="bound", interval="at its bound")
+        elif np.isfinite(half) and half > 0:
+            middle, low, high = (rounded(v, half / 2) for v in (value, value - half, value + half))
+            cell = Cell(middle, interval=f"{low} to {high}")
+        else:
+            cell = Cell(short(value, 3).replace("-", MINUS))
+        cells[j, name] = cell
     return cells
 
 

@@ -27,6 +27,7 @@ from .figures.style import (
     panels,
     plain,
     side_by_side,
+    truth_key,
 )
 from .figures.style import line as drawn_line
 from .numbers import either, mean_sd, percent
@@ -133,8 +134,7 @@ def _picture(section: Section, columns: Sequence[Model], styles: Styles) -> Any:
     slow, between, fast = (drawn_line(mixed(GREY, tone), linewidth=1.5) for tone in TONES)
     key = {"slow": slow, "middle frequency": between, "fast": fast}
     key["each fold, middle frequency"] = drawn_line(GREY, linewidth=0.5, alpha=0.6)
-    if section.of_role("truth") or data.truth is not None:
-        key["truth"] = drawn_line(DARK, DASHED, 1)
+    key |= truth_key(next(iter(section.of_role("truth")), data.truth))
     below = f"velocity [{data.velocity_unit}]"
     titles = [""] * len(columns)
     return panels(draw, labels, titles, key, below, 1.7, sharey="row", sharex="row")

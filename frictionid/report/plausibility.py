@@ -1,7 +1,6 @@
 """Whether a fitted model is physically plausible: what friction cannot do, or does without need."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,8 +26,7 @@ ENERGY = "dissipated_energy_ratio"
 Control = tuple[str, Factor]
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """One physical check of a model.
 
     Attributes
@@ -75,7 +73,7 @@ def checks_of(model: Model, data: SummaryData, control: Control | None = None) -
 
 # --- One check each: outcome, statement, and value with its interval ------------------------------
 
-_Answer = tuple[str, str] | tuple[str, str, float] | tuple[str, str, float, float, float]
+_Answer = tuple[str, str, *tuple[float, ...]]
 _Joints = tuple[str, ...]
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .candidates import Candidate, Measure, contrast, family
+from .candidates import Candidate, Measure, contrast, family, under
 from .memory import has_memory
 from .numbers import MINUS, factor, percent
+from .plausibility import FAILED, NOT_EVALUATED, NOTED, PASSED
 from .sections import ANY, EULER, Model, Section
 
-NOT_EVALUATED = "not_evaluated"
 NEAR = 0.1  # curve error up to which a friction curve is trusted
 DISSIPATION = ("dissipation", "cycle_work")  # checks
 LEVELS_ONLY = ("coulomb_viscous",)  # laws, by their names in files
@@ -45,11 +45,6 @@ class Asked:
     candidates: Sequence[Candidate]
     recommended: Candidate
     measure: Measure
-
-    @property
-    def column(self) -> str:
-        """Column of the error that is compared."""
-        return self.measure.column
 
     def group(self, traits: set[str]) -> list[Candidate]:
         """Candidates with all of these traits."""
@@ -99,7 +94,7 @@ def _contrast(
     Within the recipe that fitted both, of several that of the lowest error.
     """
     shared = _recipes(first, second)
-    contrasts = {r: contrast(_under(first, r), _under(second, r)) for r in shared}
+    contrasts = {r: contrast(under(first, r), under(second, r)) for r in shared}
     judged = {r: c for r, c in contrasts.items() if c is not None}
     if not judged:
         apart = first and second and not shared
@@ -119,14 +114,10 @@ def _contrast(
     return judged[recipe].answer, reason, between._asdict()
 
 
-def _under(candidates: Sequence[Candidate], recipe: str) -> list[Candidate]:
-    return [c for c in candidates if c.model.recipe in (ANY, recipe)]
-
-
 def _recipes(first: Sequence[Candidate], second: Sequence[Candidate]) -> list[str]:
     """Recipes that have models of both groups; what no recipe changes belongs to each of them."""
     names = list(dict.fromkeys(c.model.recipe for c in (*first, *second)))
-    return [r for r in names if _under(first, r) and _under(second, r)]
+    return [r for r in names if under(first, r) and under(second, r)]
 
 
 def _between(first: set[str], second: set[str], missing: str) -> Callable[[Asked], Answer]:
@@ -154,7 +145,7 @@ def percent_of(share: float) -> str:
 def _loss(asked: Asked) -> Answer:
     """Whether the lowest one-step loss of the recipe with most models is that of a good model."""
     data, fitted = asked.section.fitted, [c for c in asked.group({"fitted"}) if c.is_finite]
-    groups = [_under(fitted, recipe) for recipe in {c.model.recipe: None for c in fitted}]
+    groups = [under(fitted, recipe) for recipe in {c.model.recipe: None for c in fitted}]
     rivals = max(groups, key=lambda g: (len(g), -min(c.level for c in g)), default=[])
     if len(rivals) < 2:
         return _nothing("needs two models that were fitted by one recipe.")
@@ -174,8 +165,8 @@ def _dissipative(asked: Asked) -> Answer:
     if not checks:
         return _nothing(f"{model.name} has no friction torque.")
     evidence = {check.name: check.value for check in checks}
-    worst = min(checks, key=lambda check: (check.outcome != "failed", check.outcome != "noted"))
-    answer = {"failed": "no", "noted": "undecided"}.get(worst.outcome, "yes")
+    worst = min(checks, key=lambda check: (check.outcome != FAILED, check.outcome != NOTED))
+    answer = {FAILED: "no", NOTED: "undecided"}.get(worst.outcome, "yes")
     return answer, f"{model.name} {worst.statement}.", evidence
 
 
@@ -198,9 +189,9 @@ def _hysteresis(asked: Asked) -> Answer:
     open_ones = [name for name, check in judged.items() if "shows hysteresis of" in check.statement]
     if not open_ones:
         return "no", "no model with memory shows hysteresis beyond its folds.", evidence
-    shown = [name for name in open_ones if judged[name].outcome == "passed"]
+    shown = [name for name in open_ones if judged[name].outcome == PASSED]
     name = (shown or open_ones)[0]
-    answer = "yes" if shown else "no" if judged[name].outcome == "failed" else "undecided"
+    answer = "yes" if shown else "no" if judged[name].outcome == FAILED else "undecided"
     return answer, f"{name} {judged[name].statement}.", evidence
 
 
@@ -234,8 +225,8 @@ def _truth(asked: Asked) -> Answer:
         return _nothing("no truth is known.")
     model = data.of_role("truth")[0]
     errors = model.start_errors(asked.measure.horizon)
-    error, by_fold = data.value(model, asked.column), data.of_folds(model, asked.column)
-    truth = [Candidate(model, error, by_fold, errors, 0.0)]
+    # its errors alone are compared
+    truth = [Candidate(model, float("nan"), np.empty(0), errors, 0.0)]
     missing = "the truth has no scores of its own."
     return _turned(_contrast(asked, [asked.recommended], truth, missing))
 
@@ -245,7 +236,7 @@ def _unseen(asked: Asked) -> Answer:
     model, evidence = asked.recommended.model, {}
     for data in asked.section.tests:
         rivals = [c.model for c in asked.candidates if c.model in data.models]
-        column = asked.column if data.reported else ""
+        column = asked.measure.column if data.reported else ""
         best = data.best(rivals, column)
         if best is not None:
             evidence[data.dataset] = data.value(model, column) / data.value(best, column) - 1.0

@@ -228,6 +228,11 @@ class SummaryData:
         """Horizons [s] that the findings are about: 0.5 and 1 s, or else the last two."""
         return tuple(h for h in REPORTED if h in self.horizons) or self.horizons[-2:]
 
+    @property
+    def last_rollout(self) -> str:
+        """Column of the median error after the last reported horizon; "" without any."""
+        return rollout(self.reported[-1]) if self.reported else ""
+
     def of_role(self, *roles: str) -> list[Model]:
         """Models of some roles, in their order."""
         return [model for model in self.models if model.role in roles]

@@ -10,13 +10,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.comparison.search_space import Objective, text_of
-from frictionid.comparison.tuning import (
-    Study,
-    best_of,
-    by_task,
-    chosen_suite,
-    own_modules,
-)
+from frictionid.comparison.tuning import Study, best_of, by_task, chosen_suite, own_modules
 from frictionid.files import file_names, json_text
 from frictionid.outputs import replace_files
 

@@ -145,11 +145,10 @@ def _standing(before: StartErrors, after: StartErrors) -> str:
         return ""
     if before.diverged or after.diverged:
         return ""
-    if after.level >= before.level:
-        standing = loss(after, before).factor.standing
-        return {"adequate": "equivalent"}.get(standing, standing)
-    standing = loss(before, after).factor.standing
-    return {"adequate": "equivalent", "worse": "better"}.get(standing, standing)
+    is_worse = after.level >= before.level
+    standing = loss(*((after, before) if is_worse else (before, after))).factor.standing
+    words = {"adequate": "equivalent", "worse": "worse" if is_worse else "better"}
+    return words.get(standing, standing)
 
 
 def _parameters(models: Models, sections: Sections) -> Iterator[Change]:

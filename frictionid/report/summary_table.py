@@ -9,24 +9,9 @@ import pandas as pd
 from frictionid.evaluation.score_frame import SCORE_COLUMNS, over_folds
 from frictionid.evaluation.torque_left import torque_frame
 
-from .numbers import (
-    NOTHING,
-    decimals,
-    divergence_limit,
-    fixed,
-    percent,
-    seconds,
-    short,
-)
-from .sections import (
-    EULER,
-    INTEGRAL,
-    RIVALS,
-    Model,
-    SummaryData,
-    rollout,
-)
-from .tables import Cell, Column, Part, Table, by_columns
+from .numbers import NOTHING, decimals, divergence_limit, fixed, percent, seconds, short
+from .sections import EULER, INTEGRAL, RIVALS, Model, SummaryData, rollout
+from .tables import Cell, Column, Part, Table, by_columns, line, table_of
 
 ONE_STEP = {EULER: "euler mean", INTEGRAL: "integral rms"}
 DETAILS = FULL, MEDIANS, LAST, BRIEF = "full", "medians", "last", "brief"  # ever narrower
@@ -100,18 +85,14 @@ def summary_table(
         parts.append((Column("parameters"), [fixed(v, 0) for v in frame["n_parameters"]]))
     if "implausible" in frame:
         parts.append((Column("implausible", words=True), frame["implausible"].replace("", NOTHING)))
-    table = by_columns(caption, f"summary-{summary.dataset}", parts)
+    columns, cells = zip(*parts, strict=True)
     several = len(set(frame["recipe"]) - {""}) > 1
-    blocks = zip(table.lines, frame["role"], frame["recipe"], strict=True)
-    return table._replace(
-        lines=tuple(
-            line._replace(
-                block=f"{role} {recipe}",
-                title=f"{recipe} recipe" if several and recipe else "",
-            )
-            for line, role, recipe in blocks
-        )
-    )
+    blocks = zip(zip(*cells, strict=True), frame["role"], frame["recipe"], strict=True)
+    lines = [
+        line(row, f"{role} {recipe}", f"{recipe} recipe" if several and recipe else "")
+        for row, role, recipe in blocks
+    ]
+    return table_of(columns, lines, caption, f"summary-{summary.dataset}")
 
 
 def caption_of(data: SummaryData, summary: Summary) -> str:

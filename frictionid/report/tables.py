@@ -185,8 +185,10 @@ _LATEX = {
 def escape_latex(text: str) -> str:
     r"""Text whose characters stand for themselves in LaTeX.
 
-    >>> print(escape_latex("a_b & 5 % ± ∞"))
-    a\_b \& 5 \% $\pm$ $\infty$
+    >>> print(escape_latex("a_b & 5 % ± ∞ – \\ {x} <~^|>"))  # doctest: +ELLIPSIS
+    a\_b \& 5 \% $\pm$ $\infty$ -- \textbackslash{} \{x\} \textless{}\textasciitilde{}...
+    >>> print(escape_latex("^|>"))
+    \textasciicircum{}\textbar{}\textgreater{}
     """
     return "".join(_LATEX.get(c, c) for c in " ".join(text.split()))
 
@@ -302,17 +304,15 @@ def render(
     *,
     markup: bool = True,
     filters: Mapping[str, Callable[..., Any]] | None = None,
-    tests: Mapping[str, Callable[..., Any]] | None = None,
 ) -> str:
     """Text of a template with the values of its context.
 
     markup : whether names are marked as code and escaped for Markdown; else they stay plain
-    filters, tests : by their names, beside those of numbers
+    filters : by their names, beside those of numbers
     """
     names = {"text": escape_markdown, "code": code} if markup else {"text": str, "code": str}
     named = tuple({**names, "table": markdown, **(filters or {})}.items())
-    templates = environment(filters=named, tests=tuple((tests or {}).items()))
-    return templates.get_template(template).render(context)
+    return environment(filters=named).get_template(template).render(context)
 
 
 Named = tuple[tuple[str, Callable[..., Any]], ...]
@@ -324,7 +324,6 @@ def environment(
     *,
     escape: bool = False,
     filters: Named = (),
-    tests: Named = (),
 ) -> Any:
     """Environment of a room's templates, with the filters of numbers; text ends as they do."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -339,5 +338,4 @@ def environment(
     )
     templates.globals["inf"] = float("inf")
     templates.filters |= {function.__name__: function for function in NUMBERS} | dict(filters)
-    templates.tests |= dict(tests)
     return templates

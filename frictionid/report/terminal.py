@@ -18,12 +18,7 @@ from .console import console, say
 from .estimates import interval_text, value_text
 from .sections import Section, sections_of
 from .shooting_results import shooting_words
-from .side_by_side import (
-    SideBySide,
-    change_table,
-    comparable_lines,
-    score_table,
-)
+from .side_by_side import SideBySide, change_table, comparable_lines, score_table
 from .summary_table import (
     DETAILS,
     Summary,
@@ -110,8 +105,6 @@ def show_side_by_side(compared: SideBySide) -> None:
 def side_by_side_json(compared: SideBySide) -> str:
     """Two results side by side as JSON text; null for what is not finite."""
     document = compared._asdict() | {"comparable": compared.comparable}
-    for name in ("settings", "versions", "scores", "parameters", "missing"):
-        document[name] = [entry._asdict() for entry in document[name]]
     return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
 
 

@@ -8,23 +8,18 @@ recommended, refined by shooting where it was (`frictionid.evaluation.reference_
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
 from frictionid.evaluation.statistics import FEWEST, REGION
 
-from .candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge
+from .candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge, under
 from .estimates import added
 from .numbers import factor
-from .plausibility import FAILED
-from .questions import (
-    NOT_EVALUATED,
-    Asked,
-    Question,
-    questions_to,
-    unanswered,
-)
+from .plausibility import FAILED, NOT_EVALUATED
+from .questions import Asked, Question, questions_to, unanswered
 from .sections import ANY, Model, Section, SummaryData, rollout
 from .tables import lines_of, render
 
@@ -101,6 +96,7 @@ class Verdict:
         return next((c for c in self.candidates if c.name == name), None)
 
 
+@lru_cache(maxsize=4)  # each picture and table asks for it
 def verdict_of(section: Section) -> Verdict:
     """The verdict on the models that were fitted to a data set."""
     data, choice = section.fitted, Choice()
@@ -148,7 +144,7 @@ def measure_of(data: SummaryData) -> Measure:
 
 def _judged(candidates: Sequence[Candidate], recipe: str) -> tuple[Choice, list[Candidate]]:
     """The choice among those of a recipe, which come first, with how they stand."""
-    of_recipe = [c for c in candidates if c.model.recipe in (ANY, recipe) and len(c.errors.group)]
+    of_recipe = [c for c in under(candidates, recipe) if len(c.errors.group)]
     others = [c for c in candidates if c not in of_recipe]
     choice, compared = judged(of_recipe, others)
     return choice, [*compared, *others]
@@ -267,11 +263,11 @@ def recordings_needed(recordings: int, between: Factor) -> int:
     return max(recordings + 1, round(min(recordings * (half / apart) ** 2, 1e6)))
 
 
-def chosen_of(section: Section, verdict: Verdict) -> Model | None:
+def chosen_of(section: Section) -> Model | None:
     """The model that the verdict names; without one the fitted model that predicts best."""
+    verdict = verdict_of(section)
     candidate = verdict.candidate(verdict.provisional)
     if candidate is not None:
         return candidate.model
     data = section.fitted
-    last = rollout(data.reported[-1]) if data.reported else ""
-    return data.best(data.of_role("fitted"), last)
+    return data.best(data.of_role("fitted"), data.last_rollout)

@@ -15,22 +15,18 @@ from frictionid.evaluation.statistics import REGION
 from frictionid.files import plain
 
 from .candidates import Candidate
-from .numbers import (
-    NOTHING,
-    decimals,
-    factor,
-    fixed,
-    percent,
-    seconds,
-    signed,
-)
+from .numbers import NOTHING, decimals, factor, fixed, percent, seconds, signed
 from .questions import QUESTIONS
 from .sections import Model
 from .tables import Cell, Column, Table, by_columns
-from .verdict import KINDS, Verdict
+from .verdict import KINDS, RECOMMENDED, Verdict
 
 DAGGER = "†"
 _SAME = 1e-3  # of the number of residuals
+COLUMNS = (
+    *("model", "effective_parameters", "error", "times", "low", "high", "measured", "worse"),
+    *("standing", "aic", "bic", "implausible"),
+)
 
 
 def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
@@ -41,28 +37,16 @@ def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
     aic, bic : of fits by shooting to the same residuals, NaN of others
     """
     criteria = shooting_criteria(verdict.compared)
-    nothing, rows = float("nan"), []
+    nothing, lines = float("nan"), []
     for candidate in verdict.compared:
-        against = candidate.loss
-        tested = 5 * [nothing]
+        against, tested = candidate.loss, 5 * [nothing]
         if against is not None:
-            decides = against.factor
-            tested = [*decides[:3], against.measured.value, decides.worse]
-        names = ("times", "low", "high", "measured", "worse")
+            tested = [*against.factor[:3], against.measured.value, against.factor.worse]
+        described = (candidate.name, candidate.complexity, candidate.error)
         aic, bic = criteria.get(candidate.model, (nothing, nothing))
-        rows.append(
-            {
-                "model": candidate.name,
-                "effective_parameters": candidate.complexity,
-                "error": candidate.error,
-                **dict(zip(names, tested, strict=True)),
-                "standing": candidate.standing,
-                "aic": aic,
-                "bic": bic,
-                "implausible": "; ".join(verdict.failed.get(candidate.model, ())),
-            }
-        )
-    return pd.DataFrame(rows)
+        failed = "; ".join(verdict.failed.get(candidate.model, ()))
+        lines.append((*described, *tested, candidate.standing, aic, bic, failed))
+    return pd.DataFrame(lines, columns=list(COLUMNS))
 
 
 def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, tuple[float, float]]:
@@ -100,14 +84,14 @@ def verdict_table(verdict: Verdict, numbers: pd.DataFrame) -> Table:
         ),
         (
             Column("times as far off", "measured"),
-            [NOTHING if np.isnan(v) else factor(v) for v in numbers["measured"]],
+            list(map(factor, numbers["measured"])),
         ),
-        (Column("worse", "probability"), [_chance(v) for v in numbers["worse"]]),
+        (Column("worse", "probability"), list(map(percent, numbers["worse"]))),
         (Column("standing", words=True), numbers["standing"]),
     ]
     for name in ("aic", "bic") if numbers["aic"].notna().any() else ():
         differences = numbers[name] - numbers[name].min()
-        cells = [NOTHING if np.isnan(v) else signed(v, 1) for v in differences]
+        cells = [signed(v, 1) for v in differences]
         parts.append((Column(name.upper(), "less the lowest"), cells))
     if (numbers["implausible"] != "").any():
         implausible = numbers["implausible"].replace("", NOTHING)
@@ -150,10 +134,6 @@ def _effect(row: pd.Series) -> str:
     return f"{middle} [{low}, {high}]" if row["low"] < row["high"] else middle
 
 
-def _chance(probability: float) -> str:
-    return NOTHING if np.isnan(probability) else percent(probability)
-
-
 FORMAT = "frictionid verdict 1"
 
 
@@ -166,7 +146,6 @@ def verdict_json(verdicts: Sequence[Verdict]) -> str:
             {
                 **vars(verdict),
                 "candidates": list(map(_candidate, verdict.candidates)),
-                "questions": list(map(vars, verdict.questions)),
             }
             for verdict in verdicts
         ],
@@ -178,13 +157,6 @@ def verdict_json(verdicts: Sequence[Verdict]) -> str:
 def _candidate(candidate: Candidate) -> dict[str, Any]:
     model, fields = candidate.model, dict(vars(candidate))
     del fields["model"], fields["errors"]
-    if candidate.loss is not None:
-        implied, measured, contradicted = candidate.loss
-        fields["loss"] = {
-            "implied": implied._asdict(),
-            "measured": measured._asdict(),
-            "contradicted": contradicted,
-        }
     names = {key: getattr(model, key) for key in ("name", "identifier", "recipe", "role")}
     return {**names, "implausible": candidate.implausible, **fields}
 
@@ -218,11 +190,11 @@ def unmet(verdicts: Sequence[Verdict], requirement: str) -> list[str]:
     out = []
     for verdict in verdicts:
         if equals:
-            answer = next((q.answer for q in verdict.questions if q.name == name), "not_evaluated")
+            answer = next(q.answer for q in verdict.questions if q.name == name)
             met = answer == wanted
         else:
             answer = verdict.kind
-            met = answer == name or (name == "recommended" and verdict.recommended is not None)
+            met = answer == name or (name == RECOMMENDED and verdict.recommended is not None)
         if not met:
             out.append(f"{verdict.dataset}: {name if equals else 'verdict'} is {answer}")
     return out

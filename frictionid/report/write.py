@@ -24,15 +24,7 @@ from frictionid.outputs import replace_files
 
 from .candidates import family_table
 from .charts import Chart, animation, friction_charts, motion_chart, plotly_script
-from .exhibits import (
-    Exhibits,
-    NamedTable,
-    Names,
-    Picture,
-    exhibits_of,
-    names_of,
-    shooting_fits,
-)
+from .exhibits import Exhibits, NamedTable, Names, Picture, exhibits_of, names_of, shooting_fits
 from .figures.motion import examples_of
 from .figures.style import Style, drawing, rendered
 from .fit_table import equation_of, horizons_of, parameter_rows
@@ -40,14 +32,7 @@ from .memory import memory_analysis
 from .sections import Model, Section, SummaryData, rollout, sections_of
 from .shooting_results import shooting_words
 from .summary_table import MEDIANS, caption_of, summary_of, summary_table
-from .tables import (
-    Cell,
-    Column,
-    Table,
-    lines_of,
-    render,
-    render_page,
-)
+from .tables import Cell, Column, Table, lines_of, render, render_page
 from .verdict import Verdict, chosen_of, verdict_of
 from .verdict_table import marked, verdict_json
 
@@ -73,14 +58,13 @@ def build(results: Results, *, replace: bool = False, jobs: int = 1) -> None:
 def _contents(results: Results, jobs: int) -> dict[str, bytes]:
     """Content of all files of a report, by path."""
     sections = sections_of(results)
-    verdicts = [verdict_of(section) for section in sections]
     names = names_of(sections)
-    exhibits: dict[tuple[str, str], Exhibits] = {}
     with drawing():
-        for section, verdict in zip(sections, verdicts, strict=True):
-            for data in section.data:
-                shown = exhibits_of(section, data, names, verdict)
-                exhibits[section.dataset, data.dataset] = shown
+        exhibits = {
+            (section.dataset, data.dataset): exhibits_of(section, data, names)
+            for section in sections
+            for data in section.data
+        }
     contents = reduction(results)
     for table in (table for shown in exhibits.values() for table in shown.tables):
         contents |= table.files
@@ -88,13 +72,13 @@ def _contents(results: Results, jobs: int) -> dict[str, bytes]:
     for stem, files in figures.items():
         contents |= {f"figures/{stem}.{kind}": content for kind, content in files.items()}
     parts = [
-        {"folds": folds_of(results, section), **_part(section, verdict, exhibits, names)}
-        for section, verdict in zip(sections, verdicts, strict=True)
+        {"folds": folds_of(results, section), **_part(section, exhibits, names)}
+        for section in sections
     ]
     drawn = {stem: files["svg"] for stem, files in figures.items()}
     context = _context(results, sections, parts, names) | {"images": _images(exhibits, drawn)}
     texts = {
-        "verdict.json": verdict_json(verdicts),
+        "verdict.json": verdict_json(list(map(verdict_of, sections))),
         "index.html": render_page("index.html.j2", context),
         "summary.md": render("summary.md.j2", context),
     }
@@ -165,10 +149,7 @@ def document_of(chart: Chart) -> str:
 
 
 def _part(
-    section: Section,
-    verdict: Verdict,
-    exhibits: Mapping[tuple[str, str], Exhibits],
-    names: Names,
+    section: Section, exhibits: Mapping[tuple[str, str], Exhibits], names: Names
 ) -> dict[str, Any]:
     """What the page shows of one data set that was fitted.
 
@@ -176,7 +157,7 @@ def _part(
         parameters and errors; fit : facts of the fit by shooting that predicts best
     scored : the fitted data, and then data that no fit has seen
     """
-    data, chosen = section.fitted, chosen_of(section, verdict)
+    data, chosen, verdict = section.fitted, chosen_of(section), verdict_of(section)
     families = family_table(section)
     return {
         "anchor": names.stems[section.dataset, section.dataset],
@@ -300,10 +281,11 @@ def warning_lines(results: Results, sections: Sequence[Section]) -> list[str]:
         "folds": partial(fold_settings, results.provenance),
         "diverged": _diverged,
         "infinite": _infinite,
+        "fitted_that": lambda data, test: list(filter(test, data.of_role("fitted"))),
+        "astray": astray,
         "loose": loose,
     }
-    tests = {"astray": astray, "loose": loose}
-    return lines_of(render("warnings.j2", context, markup=False, tests=tests))
+    return lines_of(render("warnings.j2", context, markup=False))
 
 
 def fold_settings(provenance: Mapping[str, Any], dataset: str) -> Mapping[str, Any]:

@@ -76,12 +76,10 @@ def test_the_commands_of_the_tutorial_run(folder, monkeypatch, capsys):
 
 
 def _check(folder, out):
-    aligned = [text for line, text in out.items() if " align " in line]
-    assert len(aligned) == 1
-    for text in aligned:
-        offset, at = re.search(r"offset +(\S+) s.* at (\S+) s of", text).groups()
-        assert float(offset) == pytest.approx(-3.863 + 50e-6 * float(at), abs=1e-3)
-        assert "measured = 0.9700" in text
+    (aligned,) = (text for line, text in out.items() if " align " in line)
+    offset, at = re.search(r"offset +(\S+) s.* at (\S+) s of", aligned).groups()
+    assert float(offset) == pytest.approx(-3.863 + 50e-6 * float(at), abs=1e-3)
+    assert "measured = 0.9700" in aligned
     (true,), (mine,) = (load_dataset(folder / name).recordings for name in ("simulated", "data"))
     at = mine.torque.time[50:-50]
     off = np.abs(mine.torque.value[50:-50] - sample(true.torque, at))

@@ -9,10 +9,9 @@ from frictionid.report.figures.style import drawing, figure
 
 
 @pytest.mark.parametrize("scheme", ["shooting", "inverse dynamics"])
-def test_captions_of_a_fit_name_its_method(scheme, tmp_path, monkeypatch):
-    monkeypatch.setattr(write, "rendered", lambda *_: {"svg": b"<svg/>"})
-    refined = made.shot()
-    own = made.task("law", curve=0.1, refined=refined)
+@pytest.mark.usefixtures("blank")
+def test_captions_of_a_fit_name_its_method(scheme, tmp_path):
+    own = made.task("law", curve=0.1, refined=made.shot())
     own["method"] = {"scheme": scheme, "corrects": []}
     folder = made.built(tmp_path, [own])
     table = (folder / "tables" / "shooting--made--law.md").read_text()

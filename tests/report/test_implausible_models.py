@@ -10,12 +10,7 @@ from frictionid.report.fit_table import parameter_numbers, parameter_table
 from frictionid.report.summary_table import summary_of, summary_table
 from frictionid.report.tables import latex
 from frictionid.report.verdict import verdict_of
-from frictionid.report.verdict_table import (
-    marked,
-    verdict_json,
-    verdict_numbers,
-    verdict_table,
-)
+from frictionid.report.verdict_table import marked, verdict_json, verdict_numbers, verdict_table
 
 GRID = made.about()["velocity"]
 
@@ -25,11 +20,10 @@ def task(name, error, *, size=4, turned=False, energy=None, loops=None, **change
     document = made.task(name, 0.3, error, noise=[0.001, -0.001, 0.002, -0.002], **changes)
     scored = document["rows"]["made"]
     scored[-1][5] = float(size)
-    for fold, value in enumerate(energy or ()):
-        scored.append([str(fold), "dissipated_energy", "ratio", None, "all", value, "1"])
     if energy:
-        mean = float(np.mean(energy))
-        scored.append(["all", "dissipated_energy", "ratio", None, "all", mean, "1"])
+        values = {**dict(zip("0123", energy, strict=True)), "all": float(np.mean(energy))}
+        ratio = ("dissipated_energy", "ratio", None, "all")
+        scored += [[fold, *ratio, value, "1"] for fold, value in values.items()]
     if turned:
         curves = np.where(np.abs(GRID) > 3.0, -1.0, 1.0) * np.asarray(document["curves"])
         document["curves"] = curves

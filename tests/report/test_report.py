@@ -26,7 +26,6 @@ from frictionid.report import show
 from frictionid.report.exhibits import exhibits_of, names_of
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.sections import sections_of
-from frictionid.report.tables import escape_latex
 from frictionid.report.verdict import verdict_of
 
 ODD = ("_hidden", "a|b", "$x_1$", "100 % & #{1}~^\\", "*bold* `code` [x](y)", "日本", "x" * 90)
@@ -64,18 +63,6 @@ def computed(tmp_path_factory):
     return made.blank(made.computed(folder, tasks, 3))
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Builds that leave out the pictures, for tests of words and tables: those take longest."""
-    made.undraw(monkeypatch)
-
-
-@pytest.fixture
-def blank(monkeypatch):
-    """Builds that write blank pictures, for tests of which files there are."""
-    made.leave_blank(monkeypatch)
-
-
 def summary(folder):
     """Cells of the table of a data set."""
     return made.grid((folder / "tables" / "summary--made.md").read_text())
@@ -95,11 +82,10 @@ def test_a_report_made_elsewhere_has_the_same_bytes(name, tmp_path, request, mon
     assert made.contents(made.built(moved)) == made.contents(first)
 
 
-@pytest.mark.parametrize("content", ["nothing", "no task"])
-def test_a_folder_without_results_is_the_users_mistake(content, tmp_path):
-    if content == "no task":
-        made.typical(tmp_path)
-        shutil.rmtree(tmp_path / "tasks")
+def test_a_folder_without_results_is_the_users_mistake(tmp_path):
+    with assert_refused(re.escape(str(tmp_path))):
+        load_results(tmp_path)
+    shutil.rmtree(made.typical(tmp_path) / "tasks")
     with assert_refused(re.escape(str(tmp_path))):
         load_results(tmp_path)
 
@@ -224,6 +210,7 @@ def test_missing_horizons_leave_a_gap(horizons, tmp_path, monkeypatch, capsys):
 def test_without_rollouts_or_examples_the_rest_is_there(bare):
     names = {f"{name}--made.{kind}" for name in ("one_step", "curves") for kind in ("pdf", "svg")}
     assert {path.name for path in (bare / "figures").iterdir()} == names
+    assert "Parameters with intervals" not in made.words(bare)
     for path in (bare / "figures").iterdir():
         assert path.read_bytes().startswith(b"%PDF" if path.suffix == ".pdf" else b"<?xml")
 
@@ -298,8 +285,7 @@ def pictures_of(folder):
     with drawing():
         for section in sections:
             for data in section.data:
-                own = exhibits_of(section, data, names, verdict_of(section))
-                yield from own.pictures
+                yield from exhibits_of(section, data, names).pictures
 
 
 def test_links_of_the_page_lead_somewhere(typical):
@@ -307,19 +293,6 @@ def test_links_of_the_page_lead_somewhere(typical):
     places += re.findall(r'href="([^"#:]+)"', (typical / "index.html").read_text())
     assert len(places) > 20
     assert [place for place in places if not (typical / place).exists()] == []
-
-
-@pytest.mark.parametrize(
-    ("text", "escaped"),
-    [
-        ("a_b & 5 %", r"a\_b \& 5 \%"),
-        ("\\ {x}", r"\textbackslash{} \{x\}"),
-        ("0.1 ± ∞ –", r"0.1 $\pm$ $\infty$ --"),
-        ("<~^|>", r"\textless{}\textasciitilde{}\textasciicircum{}\textbar{}\textgreater{}"),
-    ],
-)
-def test_latex_escapes(text, escaped):
-    assert escape_latex(text) == escaped
 
 
 def test_latex_groups_span_their_columns(typical):

@@ -26,6 +26,16 @@ PLANT = plant_of(tiny.dataset())[0]
 GRID = np.linspace(-10.0, 10.0, 401)[:, None]
 DIP = np.array([[[0.05, 0.03, 2.0, 0.0]]])  # falls with speed, nothing rises
 PHASE = 2 * np.pi * np.arange(240) / 240
+SINE = HysteresisSettings(amplitude=[5.0], frequency=[1.0], factors=[1.0])
+
+
+def loops(friction, settings=SINE, interval=1 / 60):
+    return hysteresis_loops(friction, PLANT, settings, GRID, interval)
+
+
+def offset(friction, settings=SINE, interval=1 / 60):
+    """Loops of motion that never reverses."""
+    return [loop for loop in loops(friction, settings, interval) if loop.kind == "offset"]
 
 
 def film(lag, theta=DIP):
@@ -81,9 +91,9 @@ def test_a_pure_delay_is_its_own_lag(shape, delay):
 def test_the_velocity_of_a_loop_is_the_rate_of_its_angle():
     spring = Friction(Spring(), np.ones((1, 1, 1)))
     settings = HysteresisSettings(amplitude=[3.0], frequency=[0.7])
-    loops = hysteresis_loops(spring, PLANT, settings, GRID, 0.01)
-    assert {loop.kind for loop in loops} == {"reversing", "offset"}
-    for loop in loops:
+    both = loops(spring, settings, 0.01)
+    assert {loop.kind for loop in both} == {"reversing", "offset"}
+    for loop in both:
         angle, w = loop.torque[0], loop.velocity
         dt = 1 / (loop.frequency * len(w))
         moved = 0.5 * dt * (w[1:] + w[:-1])
@@ -102,19 +112,18 @@ def test_the_width_is_the_area_over_the_range_and_turns_with_the_loop():
 
 
 def test_friction_of_the_velocity_alone_has_no_loop_and_is_its_curve():
-    theta = np.array([[[0.05, 0.03, 2.0, 0.004]], [[0.02, 0.0, 1.0, 0.001]]])
-    both = Friction(Stribeck(), theta)
-    for loop in hysteresis_loops(both, PLANT, HysteresisSettings(), GRID, 1 / 60):
+    friction = Friction(Stribeck(), np.array([[0.05, 0.03, 2.0, 0.004]]))
+    for loop in loops(friction[None], HysteresisSettings()):
         assert np.abs(loop.width).max() < 1e-9
         slides = np.abs(loop.velocity) > 0.3  # beyond the smoothing, which curves leave out
-        curves = [friction.curve(loop.velocity[slides])[:, 0] for friction in (both[0], both[1])]
-        np.testing.assert_allclose(loop.torque[:, slides], curves, atol=1e-12)
+        curve = friction.curve(loop.velocity[slides])[:, 0]
+        np.testing.assert_allclose(loop.torque[0, slides], curve, atol=1e-12)
 
 
 @pytest.mark.parametrize("lag", [0.005, 0.02])
 def test_a_film_that_lags_is_late_by_its_time_constant_where_motion_never_reverses(lag):
     settings = HysteresisSettings(amplitude=[5.0], frequency=[0.5], factors=[1.0])
-    found = {loop.kind: loop for loop in hysteresis_loops(film(lag), PLANT, settings, GRID, 1 / 60)}
+    found = {loop.kind: loop for loop in loops(film(lag), settings)}
     assert found["offset"].lag[0] == pytest.approx(lag, rel=0.1)
     assert found["offset"].width[0] > 0  # friction is higher while speed rises
     assert found["offset"].velocity.min() > 0 > found["reversing"].velocity.min()
@@ -123,42 +132,29 @@ def test_a_film_that_lags_is_late_by_its_time_constant_where_motion_never_revers
 
 
 def test_loops_grow_with_frequency_as_the_lag_does():
-    widths = [
-        loop.width[0]
-        for loop in hysteresis_loops(
-            film(0.01), PLANT, HysteresisSettings(amplitude=[5.0], frequency=[1.0]), GRID, 1 / 60
-        )
-        if loop.kind == "offset"
-    ]
+    settings = HysteresisSettings(amplitude=[5.0], frequency=[1.0])
+    widths = [loop.width[0] for loop in offset(film(0.01), settings)]
     assert widths[1] / widths[0] == pytest.approx(2.0, rel=0.05)
     assert widths[2] / widths[1] == pytest.approx(2.0, rel=0.1)
 
 
 def test_memories_of_samples_advance_with_the_samples_of_the_data():
-    settings = HysteresisSettings(amplitude=[5.0], frequency=[1.0], factors=[1.0])
     for interval in (1 / 60, 1 / 100):
-        friction = Friction(Echo(), DIP)
-        (loop,) = [
-            x
-            for x in hysteresis_loops(friction, PLANT, settings, GRID, interval)
-            if x.kind == "offset"
-        ]
+        (loop,) = offset(Friction(Echo(), DIP), interval=interval)
         assert loop.lag[0] == pytest.approx(Echo.samples * interval, rel=0.02)
 
 
 def test_each_joint_and_each_friction_of_a_batch_is_as_it_is_alone():
     theta = np.concatenate([DIP, 2 * DIP])
-    settings = HysteresisSettings(amplitude=[5.0], frequency=[1.0], factors=[1.0])
-    both = hysteresis_loops(film(0.01, theta), PLANT, settings, GRID, 1 / 60)
     for i in range(2):
-        alone = hysteresis_loops(film(0.01, theta[i : i + 1]), PLANT, settings, GRID, 1 / 60)
+        alone, both = loops(film(0.01, theta[i : i + 1])), loops(film(0.01, theta))
         for a, b in zip(alone, both, strict=True):
             np.testing.assert_allclose(a.torque[0], b.torque[i], rtol=1e-12)
 
 
 def test_settings_are_those_of_the_joints():
     with assert_refused("amplitude has 2 entries, the mechanism has 1 joints"):
-        hysteresis_loops(film(0.01), PLANT, HysteresisSettings(amplitude=[5.0, 10.0]), GRID, 1 / 60)
+        loops(film(0.01), HysteresisSettings(amplitude=[5.0, 10.0]))
     with assert_refused(r"loops\.factors\[0\]: it should be greater than 0, not 0\.0"):
         PROTOCOL.build({"loops": {"factors": [0.0]}}, "")
 

@@ -13,22 +13,14 @@ from frictionid.evaluation import score_frame
 from frictionid.report import show, show_scores
 from frictionid.report.console import say
 from frictionid.report.figures.style import styles
-from frictionid.report.fit_table import equation_of, horizons_of
+from frictionid.report.fit_table import equation_of
 from frictionid.report.sections import rollout
 from frictionid.report.summary_table import summary_of, summary_table
 from frictionid.report.tables import escape_latex, latex, markdown, table_of, text_columns
 from frictionid.report.verdict import verdict_of
 from frictionid.report.write import astray, loose
 
-LAST = rollout(1.0)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def undrawn():
-    """Builds leave out the pictures, which take longest."""
-    with pytest.MonkeyPatch.context() as patch:
-        made.undraw(patch)
-        yield
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 
 # --- Words -------------------------------------------------------------------------------------
@@ -36,38 +28,16 @@ def undrawn():
 
 def test_the_page_says_what_the_numbers_support(typical):
     said = made.words(typical)
-    assert "Use stribeck (integral), 0.050 rad off after 0.5 s" in said
-    assert "1 s ahead: 0.10 rad off in the median, 9 of 10 predictions within 0.20 rad" in said
+    assert "0.1 s: 0.010 (9 of 10: 0.020), 0.5 s: 0.050 (9 of 10: 0.10) rad. Held-out" in said
     assert re.search(r"none is 9\.\d+ times \(80 %: .* to .*\) as far off as stribeck; geo", said)
     assert re.search(r"paper is 3\.\d+ times \(80 %: .* to .*\) as far off as stribeck; geo", said)
     assert "stribeck (integral) is 5.0 % off the true curve at most" in said
 
 
-def test_horizons_are_those_of_the_numbers(typical):
-    section = made.section(typical)
-    model = next(m for m in section.models if m.name == "stribeck (integral)")
-    found = horizons_of(section.fitted, model)
-    assert [h["seconds"] for h in found] == list(made.HORIZONS)
-    for h in found:
-        assert (h["median"], h["q90"]) == pytest.approx((0.1 * h["seconds"], 0.2 * h["seconds"]))
-
-
-NEAR = [0.02, -0.03, 0.025, -0.02]  # scatter of a difference of 0.01 that it hides
-
-
-def test_differences_are_weighed_against_the_scatter_of_the_folds(tmp_path):
-    first = made.task("a")
-    second = made.task("b", 0.31, 0.21, noise=NEAR)
-    section = made.section(tmp_path, [first, second])
-    pair = section.fitted.paired(*section.models[::-1], LAST)
-    # 0.0139 for independent folds, times sqrt(1 + 4/3)
-    assert (round(pair.mean, 3), round(pair.error, 3), pair.clear) == (0.009, 0.021, False)
-
-
 def test_a_fold_that_is_not_finite_is_not_averaged_away(tmp_path):
     lost = made.task("a", noise=[0.0, np.inf, 0.0, 0.0])
     section = made.section(tmp_path, [lost, made.task("b")])
-    pair = section.fitted.paired(*section.models, LAST)
+    pair = section.fitted.paired(*section.models, rollout(1.0))
     assert np.isnan(pair.mean)
     assert pair.clear is None
 
@@ -130,42 +100,44 @@ def test_in_a_terminal_the_path_can_be_clicked(typical, capsys, monkeypatch):
     assert re.sub(r"\x1b](?:[^\x1b]*)\x1b\\", "", last) == str(path)
 
 
+@pytest.fixture
+def lines_of(monkeypatch, capsys):
+    """Lines that a function prints, without colours: in a terminal of a width, or into a pipe."""
+
+    def lines(width, terminal, show, *parts):
+        monkeypatch.setenv("FORCE_COLOR", "1" if terminal else "")
+        monkeypatch.setenv("COLUMNS", str(width))
+        show(*parts)
+        return re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
+
+    return lines
+
+
 @pytest.mark.parametrize("width", [80, 100, 120])
-def test_tables_fit_the_terminal(width, typical, capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", str(width))
-    show(load_results(typical))
-    *shown, _ = capsys.readouterr().out.splitlines()
-    plain = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in shown]
+def test_tables_fit_the_terminal(width, typical, lines_of):
+    *plain, _ = lines_of(width, True, show, load_results(typical))
     assert max(map(len, plain)) <= width
     heads = [line for line in plain if "identifier" in line]
     assert all("1 s" in line for line in heads)
     assert ("0.1 s" in heads[0]) == (width > 100)
 
 
-def test_a_terminal_wraps_sentences_between_words_and_no_line_of_a_table(capsys, monkeypatch):
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_terminal_wraps_sentences_between_words_and_no_line_of_a_table(terminal, lines_of):
     text, wide = "  " + "measured friction " * 9, "joint_of_a_long_name " * 5
-    for forced in ("1", ""):
-        monkeypatch.setenv("FORCE_COLOR", forced)
-        monkeypatch.setenv("COLUMNS", "80")
-        say(text, table_of(text_columns(wide), [[wide]]))
-        lines = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
-        sentence, table = lines[:-4], lines[-4:]
-        assert [line.strip() for line in table[0::2]] == [wide.strip(), wide.strip()]
-        assert (max(map(len, sentence)) <= 80) == bool(forced)
-        assert " ".join(sentence).split() == text.split()
+    lines = lines_of(80, terminal, say, text, table_of(text_columns(wide), [[wide]]))
+    sentence, table = lines[:-4], lines[-4:]
+    assert [line.strip() for line in table[0::2]] == [wide.strip(), wide.strip()]
+    assert (max(map(len, sentence)) <= 80) == terminal
+    assert " ".join(sentence).split() == text.split()
 
 
-@pytest.mark.parametrize(("forced", "parts"), [("1", 2), ("", 1)])
-def test_a_wide_table_stands_in_parts_below_each_other_in_a_terminal(
-    forced, parts, capsys, monkeypatch
-):
-    monkeypatch.setenv("FORCE_COLOR", forced)
-    monkeypatch.setenv("COLUMNS", "80")
+@pytest.mark.parametrize(("terminal", "parts"), [(True, 2), (False, 1)])
+def test_a_wide_table_stands_in_parts_below_each_other_in_a_terminal(terminal, parts, lines_of):
     numbers = [f"a number of the name {k}" for k in range(6)]
-    say(table_of([*text_columns("joint"), *numbers], [["knee", *"123456"], ["hip", *"abcdef"]]))
-    lines = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
-    assert (max(map(len, lines)) <= 80) == bool(forced)
+    table = table_of([*text_columns("joint"), *numbers], [["knee", *"123456"], ["hip", *"abcdef"]])
+    lines = lines_of(80, terminal, say, table)
+    assert (max(map(len, lines)) <= 80) == terminal
     rows = [line.split() for line in lines]
     for name, cells in (("knee", "123456"), ("hip", "abcdef")):
         own = [row[1:] for row in rows if row[0] == name]

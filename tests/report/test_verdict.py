@@ -153,21 +153,16 @@ def test_scripts_require_a_verdict(tmp_path, monkeypatch, requirement, status, w
 # --- In the terminal, and as JSON -----------------------------------------------------------------
 
 
-def test_the_last_words_are_the_verdict_and_the_path(typical, capsys):
-    show(load_results(typical))
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[-2:] == ["", str(typical.resolve() / "index.html")]
-    assert lines[-3].startswith("- Record next: ")
-    assert lines[-4].startswith("- Main doubt: ")
-    assert lines[-5].startswith("- Use stribeck (integral), 0.050 rad off after 0.5 s")
-
-
-def test_the_verdict_is_that_of_the_page_of_the_summary_and_of_the_loaded_folder(typical):
+def test_the_verdict_is_that_of_the_page_of_the_summary_and_of_the_loaded_folder(typical, capsys):
+    """It is printed last, before the path."""
     section, loaded = made.section(typical), load_comparison(typical)
     assert loaded.verdict.sentence == verdict_of(section).sentence
     assert [v.dataset for v in loaded.verdicts] == ["made"]
     said = words_of(section)
-    assert said
+    assert said.startswith("- Use stribeck (integral), 0.050 rad off after 0.5 s")
+    show(load_results(typical))
+    page = typical.resolve() / "index.html"
+    assert capsys.readouterr().out.endswith(f"{said}\n\n{page}\n")
     for line in said.splitlines():
         assert line in (typical / "summary.md").read_text()
         assert line.removeprefix("- ").partition(": ")[2] in made.words(typical)

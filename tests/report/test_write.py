@@ -11,17 +11,19 @@ from frictionid.report import build
 OTHERS = ("provenance.json", "datasets.json", "SHA256SUMS")  # that a report does not write itself
 
 
+pytestmark = pytest.mark.usefixtures("blank")
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """A small report; here all builds write blank pictures."""
-    made.leave_blank(monkeypatch)
+def folder(tmp_path):
+    """A small report."""
     return made.built(tmp_path / "folder", [made.task("a", 1, 1)])
 
 
 def test_a_build_leaves_no_file_of_an_earlier_one(folder):
-    before, gone = made.contents(folder), {}
-    for place in ("tables/summary--gone.csv", "figures/curves--gone.png", "models/gone.json"):
-        gone[place] = b"old"
+    before = made.contents(folder)
+    places = ("tables/summary--gone.csv", "figures/curves--gone.png", "models/gone.json")
+    gone = dict.fromkeys(places, b"old")
     everything = {name: content for name, content in before.items() if name not in OTHERS}
     replace_files(folder, {**everything, **gone})
     assert made.contents(folder).keys() == before.keys() | gone.keys()

@@ -29,6 +29,7 @@ from .style import (
     panels,
     patch,
     side_by_side,
+    truth_key,
     unmeasured_patch,
     velocity_axis,
 )
@@ -83,17 +84,13 @@ def _curve_picture(
         "mean of folds": line(GREY, linewidth=1.6),
         "fit to all data": line(DARK, DOTTED, 0.8),
         **{model.label: line(styles[model.label].colour, "--", 1) for model in fixed},
-        **_truth_key(data),
+        **truth_key(data.truth),
         "velocity density, cut": patch(PALE),
     }
     pairs = zip(data.joints, data.torque_units, strict=True)
     labels = [f"{name}\n[{unit}]" for name, unit in pairs]
     titles = [""] * len(columns)
     return panels(draw, labels, titles, key, f"velocity [{data.velocity_unit}]", 1.75)
-
-
-def _truth_key(data: DataDescription) -> dict[str, Any]:
-    return {} if data.truth is None else {"truth": line(DARK, DASHED, 1)}
 
 
 def _limits(models: Sequence[Model], data: DataDescription, joint: int) -> Limits:
@@ -207,7 +204,7 @@ def _bands_picture(section: Section, shown: Sequence[Model], styles: Styles) -> 
         "95 % at all velocities": patch(GREY, WEAK),
         "not measured": unmeasured_patch(),
     }
-    key_above(picture, {**key, **_truth_key(data)})
+    key_above(picture, key | truth_key(data.truth))
     return picture
 
 

@@ -39,6 +39,7 @@ from .style import (
     panel_grid,
     patch,
     plain,
+    truth_key,
     unmeasured_key,
     velocity_axis,
 )
@@ -208,8 +209,7 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
     key = {"fit to all data": line(COLOURS[0], linewidth=1.5)}
     if half is not None:
         key["95 % at all velocities"] = patch(COLOURS[0], _PALE)
-    if truth is not None:
-        key["truth"] = line(DARK, DASHED, 1)
+    key |= truth_key(truth)
     key_above(picture, {**key, "how often each velocity occurred": patch(PALE)})
     return picture
 
@@ -246,11 +246,10 @@ def friction_of_the_choice(section: Section, styles: Styles) -> Any:
     With its 95 % band, by shooting or by what leaving out each fold changes. Rivals are the fits by
     its recipe and by that of the verdict. None where no model has a friction curve.
     """
-    verdict, data = verdict_of(section), section.description
-    chosen = chosen_of(section, verdict)
+    chosen, data = chosen_of(section), section.description
     if chosen is None or not np.isfinite(chosen.curves[-1]).any():
         return None
-    recipes = {chosen.recipe, verdict.recipe}
+    recipes = {chosen.recipe, verdict_of(section).recipe}
     rivals = [m for m in section.of_role("fitted") if m.recipe in recipes and m is not chosen]
     joints, colour = len(data.joints), styles[chosen.label].colour
     columns = joints if joints <= 3 else min(-(-joints // 2), ABREAST)
@@ -267,9 +266,7 @@ def friction_of_the_choice(section: Section, styles: Styles) -> Any:
         key["its 95 % band"] = patch(colour, BAND)
     if rivals:
         key["other models"] = line(**RIVAL)
-    if data.truth is not None:
-        key["truth"] = line(DARK, DASHED, 1)
-    key_above(picture, key | unmeasured_key(data))
+    key_above(picture, key | truth_key(data.truth) | unmeasured_key(data))
     picture.supxlabel(f"velocity [{data.velocity_unit}]")
     return picture
 

@@ -12,7 +12,7 @@ from ..memory import with_loops
 from ..numbers import percent, short
 from ..sections import DataDescription, Model, Section, SummaryData
 from ..tables import Column, Table, table_of, text_columns
-from ..verdict import chosen_of, verdict_of
+from ..verdict import chosen_of
 from .style import (
     COLOURS,
     DARK,
@@ -187,7 +187,7 @@ def torque_over_time(section: Section, styles: Styles) -> Any:
 
     What lies between rigid bodies alone and the whole model is friction. None without torques.
     """
-    chosen, data = chosen_of(section, verdict_of(section)), section.description
+    chosen, data = chosen_of(section), section.description
     if chosen is None or not chosen.torque:
         return None
     time, *parts = (chosen.torque[key] for key in ("time", "measured", "model", "rigid"))

@@ -4,7 +4,7 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import cycle, pairwise
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -42,22 +42,16 @@ class Style(NamedTuple):
 
 
 Styles = Mapping[str, Style]  # by the labels of models
+PLAIN = {"none": Style(GREY, "-"), "truth": Style(DARK, DASHED)}  # by roles
 
 
 def styles(models: Iterable[Model]) -> dict[str, Style]:
     """Style of each identifier by its label: no friction grey, the truth black, others coloured."""
     out: dict[str, Style] = {}
-    coloured = 0
+    pens = (Style(colour, dashes) for dashes in cycle(DASHES) for colour in COLOURS)
     for model in models:
-        if model.label in out:
-            continue
-        if model.role in ("none", "truth"):
-            dark = model.role == "truth"
-            out[model.label] = Style(DARK if dark else GREY, DASHED if dark else "-")
-            continue
-        repeat, place = divmod(coloured, len(COLOURS))
-        out[model.label] = Style(COLOURS[place], DASHES[repeat % len(DASHES)])
-        coloured += 1
+        if model.label not in out:
+            out[model.label] = PLAIN.get(model.role) or next(pens)
     return out
 
 
@@ -262,6 +256,11 @@ def draw_truth(axis: Any, data: DataDescription, joint: int) -> None:
     if data.truth is not None:
         true = data.truth[:, joint]
         axis.plot(data.velocity[:, joint], true, color=DARK, linewidth=1, linestyle=DASHED)
+
+
+def truth_key(truth: object) -> dict[str, Any]:
+    """Entry of a legend for the true friction, where it is known."""
+    return {} if truth is None else {"truth": line(DARK, DASHED, 1)}
 
 
 def frame(axis: Any, w: Array, data: DataDescription, joint: int, end: float) -> None:
