@@ -64,9 +64,8 @@ def test_corrections_that_are_known_together_alone_are_not_divided(tmp_path):
     assert found["shares"] == pytest.approx({"delay and inertia": 0.05})
 
 
-def test_the_page_names_what_is_left(tmp_path, monkeypatch):
-    made.undraw(monkeypatch)
-    said = made.words(made.built(written(tmp_path)))
+def test_the_page_names_what_is_left(tmp_path):
+    said = made.words(made.undrawn(written(tmp_path)))
     assert "Advantage of memory, nothing corrected: 0.070 ± 0.001 rad/s" in said
     assert "delay of the torque 0.035 rad/s" in said
     assert "inertia that the nominal mechanism lacks 0.015 rad/s" in said

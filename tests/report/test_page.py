@@ -42,9 +42,7 @@ def comparison(folder):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        made.undraw(patch)
-        return made.built(comparison(tmp_path_factory.mktemp("page")))
+    return made.undrawn(comparison(tmp_path_factory.mktemp("page")))
 
 
 @pytest.fixture(scope="module")
@@ -82,12 +80,11 @@ def test_the_verdict_comes_first_with_parameters_intervals_horizon_and_doubt(fol
         assert all(value.text in first and value.interval in first for value in values)
 
 
-def test_what_check_says_of_the_data_stands_on_the_page(tmp_path, monkeypatch):
-    made.undraw(monkeypatch)
+def test_what_check_says_of_the_data_stands_on_the_page(tmp_path):
     finding = {"level": "doubtful", "text": "the torque acts late", "remedy": "free the delay"}
     about = made.about() | {"check": {"level": "doubtful", "findings": [finding], "next": []}}
     tasks = [made.task("stribeck", 0.4, 0.1)]
-    words = made.words(made.built(tmp_path, tasks, {"made": about}))
+    words = made.words(made.undrawn(tmp_path, tasks, {"made": about}))
     assert "Checked before any fit: doubtful. the torque acts late; free the delay." in words
 
 
@@ -119,12 +116,11 @@ def test_every_axis_has_its_unit_and_every_model_one_colour(page):
     assert f'class="dot" style="background:{next(iter(colours))}"></span>stribeck' in page
 
 
-def test_what_there_is_none_of_is_not_drawn(page, tmp_path, monkeypatch):
+def test_what_there_is_none_of_is_not_drawn(page, tmp_path):
     assert len(charts(page)) == 2 + 2 * 3  # two joints; lines and animation from three starts
     assert "<h2>Hysteresis" not in page and "<h2>Learning" not in page
-    made.undraw(monkeypatch)
     task = made.task("a", horizons=(), motions=False)
-    bare = (made.built(tmp_path, [task]) / "index.html").read_text()
+    bare = (made.undrawn(tmp_path, [task]) / "index.html").read_text()
     assert len(charts(bare)) == 2  # friction is there, motion is not
     assert "No verdict: the comparison predicts no motion." in made.words(tmp_path)
 

@@ -78,10 +78,9 @@ def test_without_a_black_box_nothing_is_asked(tmp_path):
     assert family_table(section) is None and answers(section)["physics"] == "not_evaluated"
 
 
-def test_the_page_asks_and_answers(tmp_path, monkeypatch):
-    made.undraw(monkeypatch)
+def test_the_page_asks_and_answers(tmp_path):
     section = compared(tmp_path, 0.0399, noise=-NOISE)
-    page = made.words(made.built(tmp_path))
+    page = made.words(made.undrawn(tmp_path))
     assert "Physics, hybrids and black boxes" in page
     for question in verdict_of(section).questions:
         assert f"{question.question} {question.answer.replace('_', ' ')} {question.reason}" in page

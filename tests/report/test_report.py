@@ -72,14 +72,13 @@ def summary(folder):
 
 
 @pytest.mark.parametrize("name", ["typical", "bare"])
-def test_a_report_made_elsewhere_has_the_same_bytes(name, tmp_path, request, monkeypatch):
+def test_a_report_made_elsewhere_has_the_same_bytes(name, tmp_path, request):
     first, moved = request.getfixturevalue(name), tmp_path / "moved"
-    if name == "typical":
-        made.leave_blank(monkeypatch)
+    build = made.blank if name == "typical" else made.built
     shutil.copytree(first / "tasks", moved / "tasks")
     for file in ("provenance.json", "datasets.json"):
         shutil.copy(first / file, moved)
-    assert made.contents(made.built(moved)) == made.contents(first)
+    assert made.contents(build(moved)) == made.contents(first)
 
 
 def test_a_folder_without_results_is_the_users_mistake(tmp_path):
@@ -90,11 +89,10 @@ def test_a_folder_without_results_is_the_users_mistake(tmp_path):
         load_results(tmp_path)
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_unfinished_tasks_are_told(tmp_path):
     made.typical(tmp_path)
     (tmp_path / "tasks" / "task03.json").unlink()
-    made.built(tmp_path)
+    made.undrawn(tmp_path)
     assert "Unfinished: 1 of 6 tasks" in (tmp_path / "summary.md").read_text()
 
 
@@ -155,20 +153,18 @@ def test_smooth_friction_without_a_true_calibration_has_the_truth_of_friction_on
     assert set(true) == {"friction"} and true["friction"]["coulomb"] == [0.03]
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_seeds_that_change_nothing_are_one_line_and_others_are_named(tmp_path):
     same = [made.task("a", 0.1, 0.1, seed=s, role="given") for s in (0, 1)]
     differ = [made.task("b", 0.1, 0.1, seed=s) for s in (0, 1)]
-    made.built(tmp_path, same + differ)
+    made.undrawn(tmp_path, same + differ)
     names = [line[0] for line in summary(tmp_path)[1:]]
     assert names == ["b, seed 0", "b, seed 1", "a"]
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_data_that_test_two_fits_have_a_table_for_each(tmp_path):
     scored = [{name: made.rows(0.1, 0.1), "other": made.rows(0.2, 0.2)} for name in ("x", "y")]
     tasks = [made.task("a", scored=own, dataset=next(iter(own))) for own in scored]
-    made.built(tmp_path, tasks)
+    made.undrawn(tmp_path, tasks)
     names = {path.name for path in (tmp_path / "tables").glob("summary*.md")}
     ends = ("x", "y", "other-fitted-on-x", "other-fitted-on-y")
     assert names == {f"summary--{end}.md" for end in ends}
@@ -194,12 +190,11 @@ def test_infinite_scores_are_shown_and_never_best_or_averaged(tmp_path):
 
 
 @pytest.mark.parametrize("horizons", [(), (0.1,), (0.1, 0.5)])
-def test_missing_horizons_leave_a_gap(horizons, tmp_path, monkeypatch, capsys):
-    if len(horizons) != 1:
-        made.leave_blank(monkeypatch)  # pictures have the gap once
+def test_missing_horizons_leave_a_gap(horizons, tmp_path, capsys):
+    build = made.built if len(horizons) == 1 else made.blank  # pictures have the gap once
     short = made.task("short", horizons=horizons, curve=0.1)
     long = made.task("long", curve=0.1)
-    made.built(tmp_path, [short, long])
+    build(tmp_path, [short, long])
     head, first, second = summary(tmp_path)
     last = head.index("rollout 1 s [rad]")
     assert (first[last], second[last] == "–") == ("–", False)
@@ -215,20 +210,18 @@ def test_without_rollouts_or_examples_the_rest_is_there(bare):
         assert path.read_bytes().startswith(b"%PDF" if path.suffix == ".pdf" else b"<?xml")
 
 
-@pytest.mark.usefixtures("blank")
 def test_without_truth_no_curve_error_is_shown(tmp_path):
     task = made.task("a")
-    made.built(tmp_path, [task], {"made": made.about(truth=False)})
+    made.blank(tmp_path, [task], {"made": made.about(truth=False)})
     assert "curve error" not in " ".join(summary(tmp_path)[0])
     assert not list((tmp_path / "figures").glob("tradeoff*"))
     assert "no truth is known" in made.words(tmp_path)
 
 
-@pytest.mark.usefixtures("blank")
 @pytest.mark.parametrize("role", ["none", "given", "truth"])
 def test_a_comparison_without_a_fit_is_reported_too(role, tmp_path):
     task = made.task("a", curve=0.1, role=role)
-    made.built(tmp_path, [task])
+    made.blank(tmp_path, [task])
     assert verdict_of(made.section(tmp_path)).sentence in made.words(tmp_path)
 
 

@@ -199,13 +199,12 @@ def test_speeds_are_those_of_the_recordings(compared):
     assert np.abs(data.velocities).max() <= np.abs(w).max() + 1e-4
 
 
-def test_without_memory_and_unasked_nothing_is_shown(tmp_path, monkeypatch):
+def test_without_memory_and_unasked_nothing_is_shown(tmp_path):
     suite = 'recipes = [{name = "integral"}]; identifiers = [{kind = "none"}]'
     file = tiny.write_suite(tmp_path, suite)
     assert load_suite(file).protocol.loops is None and Protocol().loops is None
     tiny.compare_into(file, tmp_path / "out")
-    made.undraw(monkeypatch)
-    section = made.section(made.built(tmp_path / "out"))
+    section = made.section(made.undrawn(tmp_path / "out"))
     assert not loop_pictures(section, {}) and loop_table(section) is None
     assert "Loops of friction" not in made.words(tmp_path / "out")
 

@@ -39,14 +39,6 @@ def late_and_heavy():
     return driven_pendulum(120, 4, HEAVIER, delay=DELAY)
 
 
-@pytest.fixture(autouse=True, scope="module")
-def few_pictures():
-    """Builds leave out the pictures that are no part of this."""
-    with pytest.MonkeyPatch.context() as patch:
-        made.undraw(patch)
-        yield
-
-
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory):
     """A report of a fit that the library has made, of a law with parameters that the data lack."""
@@ -56,7 +48,7 @@ def computed(tmp_path_factory):
     recipe = Shooting(blocks=blocks, settings=Settings(windows=(0.33,), iterations=8))
     benchmark = Benchmark(dataset, folds, Protocol((0.25,)))
     tasks = [Task(benchmark, "stribeck", LeastSquares(StribeckLaw()), recipe, 0)]
-    return made.built(made.computed(folder, tasks, 2))
+    return made.undrawn(made.computed(folder, tasks, 2))
 
 
 @pytest.fixture(scope="module")
@@ -70,15 +62,14 @@ def document(computed):
     return json.loads(path.read_text())["refined"]
 
 
-def folder_of(tmp_path, refined, **changes):
+def folder_of(tmp_path, refined):
     """A result folder with one fit by shooting."""
-    own = made.task("law", curve=0.1, refined=refined)
-    return made.write(tmp_path, [own], {"made": {**made.about(), **changes}})
+    return made.write(tmp_path, [made.task("law", curve=0.1, refined=refined)])
 
 
-def page(tmp_path, refined, **changes):
+def page(tmp_path, refined):
     """What the page says of such a fit."""
-    return made.words(made.built(folder_of(tmp_path, refined, **changes)))
+    return made.words(made.blank(folder_of(tmp_path, refined)))
 
 
 # --- Numbers -----------------------------------------------------------------------------------
@@ -178,7 +169,6 @@ def test_the_terminal_says_the_same(document, computed, capsys):
         assert entry["name"] in printed
 
 
-@pytest.mark.usefixtures("blank")
 def test_windows_are_told_by_recording_and_time(tmp_path):
     places = [
         {"recording": f"run_{i % 3}", "begin": 0.5 * i, "end": 0.5 * i + 0.3, "size": 1.0 + i}
@@ -200,14 +190,13 @@ def test_windows_are_told_by_recording_and_time(tmp_path):
 # --- The page ----------------------------------------------------------------------------------
 
 
-@pytest.mark.usefixtures("blank")
 def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path):
     refined = made.shot()
     tasks = [
         made.task(name, 0.3, error, curve=0.1, refined=refined)
         for name, error in (("poor", 0.9), ("good", 0.1))
     ]
-    made.built(tmp_path, tasks)
+    made.blank(tmp_path, tasks)
     text = made.words(tmp_path)
     assert "What good identifies" in text and "What poor identifies" not in text
     assert re.search(r"poor: converged after \d+ iterations, 1 of 1 parameters identified", text)
@@ -216,7 +205,6 @@ def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path)
     assert [place for place in places if not (tmp_path / place).exists()] == []
 
 
-@pytest.mark.usefixtures("blank")
 def test_warnings_of_the_fit_itself_are_shown(tmp_path):
     assert "It is made up." in page(tmp_path, made.shot(warnings=["It is made up."]))
 
@@ -242,7 +230,6 @@ def test_strong_correlations_have_a_frame_and_all_parameters_a_name(tmp_path):
     assert groups == ["friction\njoint 1", "friction\njoint 2"]
 
 
-@pytest.mark.usefixtures("blank")
 def test_many_parameters_have_a_picture_and_a_short_table(tmp_path):
     many = [made.parameter("friction", f"number {k}", 1.0, 0.1, joint=k % 2) for k in range(60)]
     many.sort(key=lambda entry: entry["joint"])
@@ -283,8 +270,7 @@ def test_odd_names_and_missing_numbers_are_drawn_and_written(tmp_path):
     odd |= {"at_bound": True, "value": 0.0, "interval_90": ends, "interval_95": ends}
     refined = made.shot([odd, made.parameter("bias", "torque bias", 0.0, 0.1, joint=1)])
     refined["correlation"] = [[float("nan")] * 2, [float("nan"), 1.0]]
-    text = page(tmp_path, refined)
-    assert "at its bound" in text
+    assert "at its bound" in made.words(made.undrawn(folder_of(tmp_path, refined)))
     assert (tmp_path / "figures" / "correlation--made--law.svg").stat().st_size > 1000
 
 

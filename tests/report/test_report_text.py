@@ -20,9 +20,6 @@ from frictionid.report.tables import escape_latex, latex, markdown, table_of, te
 from frictionid.report.verdict import verdict_of
 from frictionid.report.write import astray, loose
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
-
 # --- Words -------------------------------------------------------------------------------------
 
 
@@ -58,7 +55,7 @@ def test_friction_that_makes_things_worse_is_told(tmp_path):
 def test_predictions_that_diverged_are_told_with_the_limit_of_their_unit(unit, far, tmp_path):
     tasks = [made.task("wild", 0.3, 0.9)]
     about = {**made.about(), "position_units": [unit] * 2}
-    folder = made.built(tmp_path, tasks, {"made": about})
+    folder = made.undrawn(tmp_path, tasks, {"made": about})
     said = f"on made after 1 s (further off than {far}, which medians hide): up to 100 %"
     assert said in made.words(folder)
     assert f"share further off than {far})" in (folder / "summary.md").read_text()
@@ -69,7 +66,7 @@ def test_curves_and_parameters_that_wander_are_told(tmp_path):
     stray["curves"][-1] *= 1.5
     vague = made.task("vague", spread=2.0)
     steady = made.task("steady")
-    folder = made.built(tmp_path, [stray, vague, steady])
+    folder = made.undrawn(tmp_path, [stray, vague, steady])
     models = made.section(folder).models
     assert [model.label for model in models if astray(model)] == ["stray"]
     assert [model.label for model in models if loose(model)] == ["vague"]
@@ -81,7 +78,7 @@ def test_curves_and_parameters_that_wander_are_told(tmp_path):
 def test_shuffled_folds_are_told(tmp_path):
     settings = {"every": 0.25, "folds": {"count": 4, "kind": "shuffled"}}
     task = made.task("a")
-    folder = made.built(tmp_path, [task], settings=settings)
+    folder = made.undrawn(tmp_path, [task], settings=settings)
     assert "Shuffled folds on made: held-out samples have neighbours" in made.words(folder)
 
 
@@ -174,7 +171,7 @@ def test_tables_agree_in_every_form(typical):
 def test_notes_of_a_model_are_code_and_no_html(tmp_path):
     task = made.task("sindy", motions=False)
     task["model"]["provenance"] = {"equation": ["<img src=x onerror=alert(1)> `code` | x"]}
-    folder = made.built(tmp_path, [task])
+    folder = made.undrawn(tmp_path, [task])
     html = (folder / "index.html").read_text()
     assert "<img src=x" not in html and "<code>&lt;img src=x onerror=alert(1)&gt;" in html
 

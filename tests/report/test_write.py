@@ -11,13 +11,10 @@ from frictionid.report import build
 OTHERS = ("provenance.json", "datasets.json", "SHA256SUMS")  # that a report does not write itself
 
 
-pytestmark = pytest.mark.usefixtures("blank")
-
-
 @pytest.fixture
 def folder(tmp_path):
     """A small report."""
-    return made.built(tmp_path / "folder", [made.task("a", 1, 1)])
+    return made.blank(tmp_path / "folder", [made.task("a", 1, 1)])
 
 
 def test_a_build_leaves_no_file_of_an_earlier_one(folder):
@@ -27,20 +24,21 @@ def test_a_build_leaves_no_file_of_an_earlier_one(folder):
     everything = {name: content for name, content in before.items() if name not in OTHERS}
     replace_files(folder, {**everything, **gone})
     assert made.contents(folder).keys() == before.keys() | gone.keys()
-    made.built(folder)
+    made.blank(folder)
     assert made.contents(folder) == before
 
 
-def test_what_is_not_of_the_report_is_never_touched(folder):
+def test_what_is_not_of_the_report_is_never_touched(folder, monkeypatch):
     before = made.contents(folder)
     (folder / "figures" / "mine.png").write_text("mine")
     (folder / "notes.md").write_text("mine")
-    made.built(folder)
+    made.blank(folder)
     mine = {"figures/mine.png": b"mine", "notes.md": b"mine"}
     assert made.contents(folder) == before | mine
     (folder / "summary.md").write_text("my own words")
     with assert_refused(r"summary\.md was changed.*--replace"):
-        made.built(folder)
+        made.blank(folder)
     assert made.contents(folder) == before | mine | {"summary.md": b"my own words"}
+    made.leave_blank(monkeypatch)
     build(load_results(folder), replace=True)
     assert made.contents(folder) == before | mine

@@ -198,6 +198,17 @@ def test_the_mirrored_rig_moves_mirrored(truth):
     assert one[:, :2] == pytest.approx(-other[:, :2], abs=1e-8)
 
 
+def test_a_batch_equals_its_recordings_alone():
+    rng = np.random.default_rng(4)
+    q, u = rng.uniform(-2, 2, (4, 2)), rng.normal(size=(15, 4, 2)) * (0.0, 0.1)
+    edges = np.arange(16) / 60
+    for truth in TRUTHS.values():
+        step = 1 / 60 / (32 if truth is LUGRE else 8)
+        batch = integrate_motion(system(truth), q, 0 * q, u, edges, step)
+        alone = integrate_motion(system(truth), q[2:3], 0 * q[2:3], u[:, 2:3], edges, step)
+        assert batch[:, :, 2:3] == pytest.approx(alone, abs=1e-10)
+
+
 # Friction with memory
 
 
@@ -245,6 +256,17 @@ def test_lugre_takes_energy_in_every_cycle():
         least = min(least, (work - 0.5 * np.array(LUGRE.bristle_stiffness) * z**2).min())
     assert least > -1e-6  # it never gives back more than the bristle stores
     assert (work > 1e-4).all()
+
+
+def test_lugre_bends_before_it_slips():
+    truth = LuGre(Curve((0.5,), (0.5,), (0.0,)), (100.0,), (1.0,), (0.1,))
+    u = np.array([[0.2], [0.6]])
+    q = np.zeros((2, 1))
+    end = integrate_motion(wheel(truth), q, q, u[None], np.array([0.0, 3.0]), 1e-3)[-1]
+    assert end[2, 0, 0] == pytest.approx(0.2 / 100.0, rel=0.01)
+    assert 0.001 < end[0, 0, 0] < 0.02  # shaking lets a bristle creep
+    assert abs(end[1, 0, 0]) < 1e-3
+    assert end[0, 1, 0] > 1.0
 
 
 @pytest.mark.parametrize(
