@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from numbers import Number
 from typing import Any
 
@@ -13,10 +13,11 @@ from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 
-from .readers.column_toml import SPELLINGS, Gears
+from .readers.column_toml import SPELLINGS
 from .readers.dataset_toml import DatasetToml, check_dataset_toml
 from .readers.table import Table, rate_of, with_times
-from .readers.table_recording import Recorded, recorded
+from .readers.table_recording import recorded
+from .recording import Recording
 from .signals import Array
 
 Names = str | Sequence[str | None] | None
@@ -28,6 +29,41 @@ INDEX = "index"  # the time, where no column is named
 _KEYS = ("time", "angle", "torque", "velocity", "torque_time")  # of arrays
 
 
+def read_frames(
+    toml: DatasetToml, frames: Any, parameters: Mapping[str, Mapping[str, float]]
+) -> dict[str, tuple[Recording, str]]:
+    """Recordings of several frames, by name, or of a single one, and SHA-256 of their columns.
+
+    parameters : of the mechanism, by the names of the recordings in which they differ
+
+    Raises
+    ------
+    InputError
+        Where a column is missing, is no number, or its time does not increase, and where an
+        actuator names recordings that are none of these.
+    """
+    recordings = frames if isinstance(frames, Mapping) else {"recording": frames}
+    names = toml.names()
+    tables = {
+        f"{key}{part}": table
+        for key, frame in recordings.items()
+        for part, table in toml.runs(_table(frame, names, f"frame {str(key)!r}")).items()
+    }
+    if toml.actuator is not None:
+        toml.actuator.check_recordings(list(tables), "")
+    return {
+        name: (recorded(table, toml, name, parameters.get(name, {})), _digest(table))
+        for name, table in tables.items()
+    }
+
+
+def _digest(table: Table) -> str:
+    digest = hashlib.sha256()
+    for column, values in table.columns.items():
+        digest.update(column.encode() + np.ascontiguousarray(values, "<f8").tobytes())
+    return digest.hexdigest()
+
+
 @dataclass(frozen=True)
 class FrameColumns:
     """Which columns of frames are what, and in which units; see `Dataset.from_frames`."""
@@ -37,92 +73,50 @@ class FrameColumns:
     torque: Names = None
     velocity: Names = None
     units: Units = None
-    signs: Mapping[str, Numbers] = field(default_factory=dict)
+    signs: Mapping[str, Numbers] | None = None
     motor: Mapping[str, Any] | None = None
     hold: str | None = None
     sigma: Numbers | Mapping[str, Numbers] | None = None
-    covariates: Mapping[str, str] = field(default_factory=dict)
+    covariates: Mapping[str, str] | None = None
     missing: str = "refuse"
     torque_at: str = "motor"
     actuator: Mapping[str, Any] | None = None
     base: Mapping[str, Any] | None = None
     split: str | None = None
 
-    @property
-    def gears(self) -> Gears | None:
-        """Gears between the motors that columns are of and the joints."""
-        return _toml(self).gears
-
-    def read_all(self, frames: Any) -> dict[str, tuple[Recorded, str]]:
-        """What `read` gives of each of several frames, by name, or of a single one.
+    def toml(self) -> DatasetToml:
+        """The dataset.toml that says the same; its mechanism and files are nothing: they are here.
 
         Raises
         ------
         InputError
-            As `read`, and where an actuator names recordings that are none of these.
+            Where it would be wrong, and without columns of angles.
         """
-        recordings = frames if isinstance(frames, Mapping) else {"recording": frames}
-        toml = _toml(self)
-        names = list(dict.fromkeys([*toml.asked.names(), *filter(None, [self.split])]))
-        tables = {
-            f"{key}{part}": table
-            for key, frame in recordings.items()
-            for part, table in toml.runs(_table(frame, names, f"frame {str(key)!r}")).items()
+        angle, torque, velocity = map(_names, (self.angle, self.torque, self.velocity))
+        if not angle:
+            raise InputError('name the columns of the angles, e.g. angle=["q1", "q2"]')
+        named = {"angle": angle, "torque": torque or [""] * len(angle), "velocity": velocity}
+        noise = self.sigma if isinstance(self.sigma, Mapping) else {"angle": self.sigma}
+        time = dict(self.time) if isinstance(self.time, Mapping) else self.time or INDEX
+        tables = {"motor": self.motor, "actuator": self.actuator, "base": self.base}
+        document = {
+            "name": "frames",
+            "mechanism": {"kind": "given"},
+            "recordings": {"patterns": ["*"], "split": self.split},
+            "columns": {
+                "time": time,
+                **{key: names for key, names in named.items() if names},
+                "covariates": dict(self.covariates or {}),
+                "missing": self.missing,
+            },
+            "units": _units(self.units),
+            "signs": {key: _listed(value) for key, value in (self.signs or {}).items()},
+            "sigma": {key: _listed(value) for key, value in noise.items() if value is not None},
+            "hold": {} if self.hold is None else {"torque": self.hold},
+            "torque": {"at": self.torque_at},
+            **{key: _plain(table) for key, table in tables.items() if table is not None},
         }
-        if toml.actuator is not None:
-            toml.actuator.check_recordings(list(tables), "")
-        return {name: self.read(table, name) for name, table in tables.items()}
-
-    def read(self, table: Table, name: str) -> tuple[Recorded, str]:
-        """Signals of a table in SI units, and the SHA-256 of its columns.
-
-        Raises
-        ------
-        InputError
-            Where a column is missing, is no number, or its time does not increase.
-        """
-        digest = hashlib.sha256()
-        for column, values in table.columns.items():
-            digest.update(column.encode() + np.ascontiguousarray(values, "<f8").tobytes())
-        return recorded(table, _toml(self), name), digest.hexdigest()
-
-
-def _toml(columns: FrameColumns) -> DatasetToml:
-    """The dataset.toml that says the same; its mechanism and files are nothing: these are at hand.
-
-    Raises
-    ------
-    InputError
-        Where it would be wrong, and without columns of angles.
-    """
-    angle, torque, velocity = map(_names, (columns.angle, columns.torque, columns.velocity))
-    if not angle:
-        raise InputError('name the columns of the angles, e.g. angle=["q1", "q2"]')
-    named = {"angle": angle, "torque": torque or [""] * len(angle), "velocity": velocity}
-    sigma = columns.sigma
-    noise = dict(sigma) if isinstance(sigma, Mapping) else {"angle": sigma}
-    document: dict[str, Any] = {
-        "name": "frames",
-        "mechanism": {"kind": "given"},
-        "recordings": {"patterns": ["*"], "split": columns.split},
-        "columns": {
-            "time": dict(columns.time)
-            if isinstance(columns.time, Mapping)
-            else columns.time or INDEX,
-            **{key: names for key, names in named.items() if names},
-            "covariates": dict(columns.covariates),
-            "missing": columns.missing,
-        },
-        "units": _units(columns.units),
-        "signs": {key: _listed(value) for key, value in columns.signs.items()},
-        "sigma": {key: _listed(value) for key, value in noise.items() if value is not None},
-        "hold": {} if columns.hold is None else {"torque": columns.hold},
-        "torque": {"at": columns.torque_at},
-    }
-    for key in ("motor", "actuator", "base"):
-        if getattr(columns, key) is not None:
-            document[key] = _plain(getattr(columns, key))
-    return check_dataset_toml(document, "columns of the frames")
+        return check_dataset_toml(document, "columns of the frames")
 
 
 def _names(names: Names) -> list[str]:
@@ -245,13 +239,9 @@ def columns_of_arrays(
         filled[: len(part)] = part
         names[key] = [key] if part.shape[1] == 1 else [f"{key} {j + 1}" for j in range(len(part.T))]
         columns |= dict(zip(names[key], filled.T, strict=True))
-    clock = names.get("torque_time", ["time"])[0]
-    return pd.DataFrame(columns), FrameColumns(
-        time={"angle": "time", "torque": clock},
-        angle=names["angle"],
-        torque=names.get("torque"),
-        velocity=names.get("velocity"),
-    )
+    time = {"angle": "time", "torque": "torque_time" if "torque_time" in names else "time"}
+    signals = FrameColumns(time, names["angle"], names.get("torque"), names.get("velocity"))
+    return pd.DataFrame(columns), signals
 
 
 def check_columns(count: int, mechanism: Mechanism, where: str) -> None:

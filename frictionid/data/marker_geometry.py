@@ -68,15 +68,6 @@ def mirror(markers: Array) -> Array:
     return np.asarray(markers, float) * np.array([-1.0, 1.0])
 
 
-def turn_up(markers: Array) -> Array:
-    """The markers of a table whose y counts upwards, with y downwards.
-
-    >>> turn_up(np.array([[[2.0, 3.0]]]))
-    array([[[ 2., -3.]]])
-    """
-    return np.asarray(markers, float) * np.array([1.0, -1.0])
-
-
 class Plane(NamedTuple):
     """Map from a picture to the plane of motion, for `flattened`.
 

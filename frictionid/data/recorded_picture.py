@@ -79,7 +79,7 @@ def recorded_figure(dataset: Any, recordings: Sequence[Any]) -> Any:
 
     Gaps are red, dropped samples red ticks, stretches at rest grey.
     """
-    rows = [("angle", dataset.mechanism.position_units), ("torque", _efforts(dataset))]
+    rows = [("angle", dataset.mechanism.position_units), ("torque", dataset.mechanism.torque_units)]
     rows = rows if any(r.torque.value.any() for r in recordings) else rows[:1]
     picture = figure(1.0 + 1.6 * len(rows))
     axes = picture.subplots(len(rows), len(recordings), sharex="col", sharey="row", squeeze=False)
@@ -94,10 +94,6 @@ def recorded_figure(dataset: Any, recordings: Sequence[Any]) -> Any:
         axis.set_ylabel(f"{name} [{', '.join(dict.fromkeys(units))}]")
     picture.legend(handles=list(_key(dataset, recordings)), loc="outside upper right", ncols=6)
     return picture
-
-
-def _efforts(dataset: Any) -> list[str]:
-    return ["N m" if unit == "rad" else "N" for unit in dataset.mechanism.position_units]
 
 
 def _panel(axis: Any, recording: Any, signal: Signal) -> None:

@@ -1,7 +1,6 @@
 """Recordings and data sets, checked when they are made."""
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, get_args
@@ -13,113 +12,22 @@ from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
 
-from .base_motion import check_base_motion
-from .frames import FrameColumns, Names, Numbers, Units, check_columns, columns_of_arrays
+from .frames import (
+    FrameColumns,
+    Names,
+    Numbers,
+    Units,
+    check_columns,
+    columns_of_arrays,
+    read_frames,
+)
 from .joint_scales import JointScales, joint_scales
 from .readers.column_toml import Gears, TorqueAt
-from .readers.table_recording import Recorded
+from .readers.dataset_toml import DatasetToml
+from .recording import Recording
+from .recording import TrueMotion as TrueMotion
 from .servo import Servo
-from .signals import TORQUE_HOLD, Signal, check_clocks, check_signal, column_count
-
-
-@dataclass(frozen=True, eq=False)
-class TrueMotion:
-    """Noise-free motion of a simulation.
-
-    Attributes
-    ----------
-    angle : Signal, n columns [rad]
-    velocity : Signal, n columns [rad/s]
-    """
-
-    angle: Signal
-    velocity: Signal
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """One uninterrupted measurement of a mechanism with n joints.
-
-    A prismatic joint has [m], [m/s] and [N] in place of [rad], [rad/s] and [N m].
-
-    Attributes
-    ----------
-    name : str
-    angle : Signal, n columns [rad]
-        At least two samples.
-    torque : Signal, n columns [N m]
-        One column per joint, zero where there is no motor. Its clock may differ from the angles'
-        clock, but both count from the same instant. It is held between its samples unless its
-        `hold` says otherwise.
-    velocity : Signal, n columns [rad/s], or None
-        Measured velocity, where there is one.
-    parameters : those of the mechanism that differ in this recording, such as an exchangeable mass
-    covariates : other measured quantities, in the unit of the file (temperature, voltage)
-    truth : the noise-free motion, of simulated recordings
-    servo : controller and motors that make the torque, where known; `torque` follows from motion
-    base_motion, base_wrench : Signal or None
-        Of a floating base: 9 columns, see `with_base_motion`; forces and moments on it [N],
-        [N m] beside gravity, at its origin in its frame, where known.
-
-    Raises
-    ------
-    InputError
-        Where times do not increase, a value is not finite, or columns and joints disagree.
-
-    Examples
-    --------
-    >>> time = np.arange(3.0)
-    >>> Recording("rest", Signal(time, np.zeros((3, 2))), Signal(time, np.zeros((3, 2))))
-    Recording('rest': 2 joints, 3 samples, 2 s)
-    """
-
-    name: str
-    angle: Signal
-    torque: Signal
-    velocity: Signal | None = None
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    covariates: Mapping[str, Signal] = field(default_factory=dict)
-    truth: TrueMotion | None = None
-    servo: Servo | None = None
-    base_motion: Signal | None = None
-    base_wrench: Signal | None = None
-
-    def __post_init__(self) -> None:
-        where = f"recording {self.name!r}"
-        if self.torque.hold is None:
-            object.__setattr__(self, "torque", self.torque._replace(hold=TORQUE_HOLD))
-        for label, signal in self._motions():
-            check_signal(f"{where}, {label}", signal)
-            if column_count(signal) != column_count(self.angle):
-                raise InputError(
-                    f"{where}: {label} has {column_count(signal)} columns and angle has "
-                    f"{column_count(self.angle)}; give one column per joint"
-                )
-        for name, signal in self.covariates.items():
-            check_signal(f"{where}, covariate {name!r}", signal)
-        if len(self.angle.time) < 2:
-            raise InputError(f"{where}: angle needs at least 2 samples, it has 1")
-        check_clocks(where, self.angle, self.torque)
-        if self.base_motion is not None:
-            check_base_motion(where, self.angle, self.base_motion)
-        for name, value in self.parameters.items():
-            if not math.isfinite(value):
-                raise InputError(f"{where}: parameter {name!r} must be finite, not {value}")
-
-    def __repr__(self) -> str:
-        samples, joints = np.shape(self.angle.value)
-        span = self.angle.duration
-        return f"Recording({self.name!r}: {joints} joints, {samples} samples, {span:g} s)"
-
-    def _motions(self) -> Iterator[tuple[str, Signal]]:
-        """Signals with one column per joint, with their names in errors."""
-        yield from (("angle", self.angle), ("torque", self.torque))
-        if self.velocity is not None:
-            yield "velocity", self.velocity
-        if self.truth is not None:
-            yield from (("true angle", self.truth.angle), ("true velocity", self.truth.velocity))
-        if self.servo is not None:
-            yield from (("goal", self.servo.goal), ("enabled", self.servo.enabled))
+from .signals import column_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +53,7 @@ class Dataset:
     hashes: Mapping[str, str] = field(default_factory=dict)
     origin: Mapping[str, str] = field(default_factory=dict)
     truth: Mapping[str, object] | None = None
-    columns: FrameColumns | None = None
+    columns: DatasetToml | None = None
     gears: Gears | None = None
     torque_at: str = "motor"
 
@@ -183,6 +91,11 @@ class Dataset:
     def scales(self) -> JointScales:
         """Size and speeds of each joint by its measured positions, see `joint_scales`."""
         return joint_scales(self.mechanism.position_units, [r.angle for r in self.recordings])
+
+    @property
+    def driven_joints(self) -> list[int]:
+        """Joints (from 0) with a motor."""
+        return [j for j, motor in enumerate(self.mechanism.driven) if motor]
 
     @property
     def actuated(self) -> Array:
@@ -310,11 +223,11 @@ class Dataset:
         >>> Dataset.from_frames({"run1": frame}, rig, time="t", angle="q", torque="u", units="deg")
         Dataset('data': 1 recording, 1 joint, 0.2 s)
         """
-        columns = FrameColumns(time, angle, torque, velocity, units, signs or {}, motor, hold)
-        columns = replace(columns, covariates=covariates or {}, missing=missing, split=split)
-        columns = replace(columns, torque_at=torque_at, actuator=actuator, sigma=sigma, base=base)
-        data = _of_reads(name, mechanism, columns.read_all(frames), parameters or {})
-        return replace(data, columns=columns, gears=columns.gears, torque_at=torque_at)
+        columns = FrameColumns(time, angle, torque, velocity, units, signs, motor, hold, sigma)
+        columns = replace(columns, covariates=covariates, missing=missing, torque_at=torque_at)
+        toml = replace(columns, actuator=actuator, base=base, split=split).toml()
+        data = _of_frames(name, mechanism, [(toml, frames)], parameters or {})
+        return replace(data, columns=toml, gears=toml.gears, torque_at=torque_at)
 
     @classmethod
     def from_arrays(
@@ -348,12 +261,12 @@ class Dataset:
         >>> Dataset.from_arrays({"decay": {"time": time, "angle": np.cos(5.0 * time)}}, rig)
         Dataset('data': 1 recording, 1 joint, 1 s)
         """
-        reads: dict[str, Any] = {}
-        for key, parts in arrays.items():
-            frame, columns = columns_of_arrays(parts, str(key))
-            columns = replace(columns, units=units, hold=hold, sigma=sigma)
-            reads |= columns.read_all({key: frame})
-        return replace(_of_reads(name, mechanism, reads, parameters or {}), torque_at=torque_at)
+        parts = []
+        for key, signals in arrays.items():
+            frame, columns = columns_of_arrays(signals, str(key))
+            toml = replace(columns, units=units, hold=hold, sigma=sigma).toml()
+            parts.append((toml, {key: frame}))
+        return replace(_of_frames(name, mechanism, parts, parameters or {}), torque_at=torque_at)
 
     def with_frames(self, frames: Any, name: str | None = None) -> "Dataset":
         """Data set of further frames of this rig, their columns read as those of this data set.
@@ -367,30 +280,30 @@ class Dataset:
             raise InputError(
                 f"data set {self.name!r} was not read from frames: use Dataset.from_frames"
             )
-        data = _of_reads(name or self.name, self.mechanism, self.columns.read_all(frames), {})
+        data = _of_frames(name or self.name, self.mechanism, [(self.columns, frames)], {})
         return replace(data, columns=self.columns, gears=self.gears, torque_at=self.torque_at)
 
 
-def _of_reads(
+def _of_frames(
     name: str,
     mechanism: Any,
-    reads: Mapping[str, tuple[Recorded, str]],
+    parts: Iterable[tuple[DatasetToml, Any]],
     parameters: Mapping[str, Mapping[str, float]],
 ) -> Dataset:
-    """Data set of signals by the names of the recordings."""
-    machine = as_mechanism(mechanism)
+    """Data set of frames, each with what its columns are."""
+    machine, reads = as_mechanism(mechanism), dict[str, tuple[Recording, str]]()
     for key, values in parameters.items():
-        if key not in reads:
-            raise InputError(f"parameters: there is no recording {key!r}; {nearest(key, reads)}")
         try:
             machine.check_values(values)
         except InputError as error:
             raise InputError(f"recording {key!r}: {error}") from None
-    recordings = tuple(
-        Recording(key, parameters=dict(parameters.get(key, {})), **signals._asdict())
-        for key, (signals, _) in reads.items()
-    )
+    for toml, frames in parts:
+        reads |= read_frames(toml, frames, parameters)
+    for key in parameters:
+        if key not in reads:
+            raise InputError(f"parameters: there is no recording {key!r}; {nearest(key, reads)}")
+    recordings = tuple(recording for recording, _ in reads.values())
     data = Dataset(name, machine, recordings, {key: sha for key, (_, sha) in reads.items()})
-    where = f"data set {name!r}: recording {data.recordings[0].name!r}"
-    check_columns(column_count(data.recordings[0].angle), machine, where)
+    where = f"data set {name!r}: recording {recordings[0].name!r}"
+    check_columns(column_count(recordings[0].angle), machine, where)
     return data

@@ -185,9 +185,18 @@ def slowest_speeds(states: States) -> Array:
     array([0.5])
     """
     floor = 3.0 * states.noise + np.zeros(states.w.shape[1])
-    change = np.where(np.abs(states.w[1:]) > floor, np.abs(np.diff(states.w, axis=0)), np.nan)
-    usual = [np.nanmedian(c) if np.isfinite(c).any() else 0.0 for c in change.T]
-    return np.maximum(floor, 0.5 * np.array(usual))
+    return np.maximum(floor, 0.5 * usual_changes([states.w], floor))
+
+
+def usual_changes(velocities: Sequence[Array], threshold: Array) -> Array:
+    """Usual change (n,) [rad/s] of velocities (T, n) from sample to sample.
+
+    Median over the samples with a speed above the threshold (n,); zero of joints at rest.
+    """
+    change = np.concatenate([np.abs(np.diff(w, axis=0)) for w in velocities])
+    speed = np.concatenate([np.abs(w[1:]) for w in velocities])
+    moving = [c[s > least] for c, s, least in zip(change.T, speed.T, threshold, strict=True)]
+    return np.array([np.median(c) if len(c) else 0.0 for c in moving])
 
 
 def without_outliers(angles: Sequence[Signal], states: Sequence[States]) -> tuple[Signal, ...]:

@@ -13,7 +13,6 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, open_loop, seen_by_encoder
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
-from frictionid.data.temperatures import temperature_at
 from frictionid.dynamics.closed_loop import Controllers, controllers_of
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
@@ -257,7 +256,7 @@ def padded(parts: Sequence[Array], length: int, fill: float) -> Array:
 def temperatures(dataset: Dataset, times: Sequence[Array]) -> list[Array] | None:
     """Temperatures (T_i, n) [degC] of each recording at its times; None where one is not known."""
     joints, pairs = dataset.mechanism.joints, zip(dataset.recordings, times, strict=True)
-    each = [temperature_at(recording, time, joints) for recording, time in pairs]
+    each = [recording.temperature_at(time, joints) for recording, time in pairs]
     measured = [T for T in each if T is not None]
     return measured if len(measured) == len(each) else None
 

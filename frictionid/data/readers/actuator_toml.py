@@ -5,22 +5,16 @@ from fnmatch import fnmatchcase
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, ValidationError, model_validator
 
 from frictionid.config import Strict, nearest
 from frictionid.data.envelope import Envelope, of_motor
 from frictionid.errors import InputError
 
-from .column_toml import Column, Names, as_list, check_per_joint
+from .column_toml import Column, Each, Names, check_per_joint
 
-_Positive = Annotated[float, Field(gt=0)]
-_Gains = Annotated[
-    list[Annotated[float, Field(ge=0)]], Field(min_length=1), BeforeValidator(as_list)
-]
-_Positives = Annotated[list[_Positive], Field(min_length=1), BeforeValidator(as_list)]
-_Shares = Annotated[
-    list[Annotated[float, Field(gt=0, le=1)]], Field(min_length=1), BeforeValidator(as_list)
-]
+_Gains = Each[NonNegativeFloat]
+_Positives = Each[PositiveFloat]
 # Keys that say nothing of some outputs, and keys that these cannot do without.
 _SENSELESS = {
     "torque": ("kt", "R", "supply", "current_limit", "gear"),
@@ -69,14 +63,14 @@ class Actuator(Strict):
     output: Literal["torque", "current", "voltage", "duty"]
     P: _Gains
     D: _Gains = [0.0]
-    scale: _Positive = 1.0
+    scale: PositiveFloat = 1.0
     limit: _Positives | None = None
-    supply: _Positive | Column | None = None
-    current_limit: _Positive | None = None
-    kt: _Positive | None = None
-    R: _Positive | None = None
+    supply: PositiveFloat | Column | None = None
+    current_limit: PositiveFloat | None = None
+    kt: PositiveFloat | None = None
+    R: PositiveFloat | None = None
     gear: _Positives = [1.0]
-    efficiency: _Shares = [1.0]
+    efficiency: Each[Annotated[float, Field(gt=0, le=1)]] = [1.0]
     peak_torque: _Positives | None = None
     knee_speed: _Gains | None = None
     no_load_speed: _Positives | None = None
@@ -107,6 +101,8 @@ class Actuator(Strict):
             )
         if not any(self.P) and not any(self.D) and self.feedforward is None:
             raise ValueError("P = 0 without D and feedforward never moves a motor: give the gains")
+        for name in self.recordings:
+            self.in_recording(name)
         return self
 
     @property
@@ -129,12 +125,6 @@ class Actuator(Strict):
         K = self.kt * np.array(self.gear)
         limit = np.array(self.limit or [np.inf]) * (K if self.output == "current" else 1.0)
         return of_motor(float(self.supply or 0.0), K, self.R, limit)
-
-    @model_validator(mode="after")
-    def _recordings_are_actuators(self) -> Self:
-        for name in self.recordings:
-            self.in_recording(name)
-        return self
 
     def in_recording(self, name: str) -> "Actuator":
         """The actuator in the recording of a name, with the keys that differ there."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
@@ -83,6 +83,8 @@ def as_list(value: object) -> object:
     return value if isinstance(value, list) else [value]
 
 
+T = TypeVar("T")
+Each = Annotated[list[T], Field(min_length=1), BeforeValidator(as_list)]  # one, or one per joint
 Column = Annotated[str, Field(min_length=1)]
 
 
@@ -98,7 +100,7 @@ def _both_clocks(time: object) -> object:
     return {"angle": time, "torque": time} if isinstance(time, str) else time
 
 
-Names = Annotated[list[str], Field(min_length=1), BeforeValidator(as_list)]
+Names = Each[str]
 
 
 class TruthColumns(Strict):
@@ -129,7 +131,7 @@ class ColumnNames(Strict):
     covariates: dict[str, Column] = {}
 
     @model_validator(mode="after")
-    def _one_column_per_joint(self) -> Self:
+    def _one_column_per_joint_and_none_twice(self) -> Self:
         for label, names in self._per_joint():
             if len(names) != len(self.angle):
                 raise ValueError(
@@ -138,10 +140,6 @@ class ColumnNames(Strict):
                 )
             if "" in names and label != "torque":
                 raise ValueError(f'{label} has an empty name; only torque may have "" (no motor)')
-        return self
-
-    @model_validator(mode="after")
-    def _no_column_twice(self) -> Self:
         measured = [self.time.angle, *self.angle, *filter(None, self.torque)]
         measured += self.velocity or []
         measured += {self.time.torque, self.velocity_clock} - {self.time.angle}
@@ -243,7 +241,7 @@ def check_per_joint(
             )
 
 
-Constants = Annotated[list[float], Field(min_length=1), BeforeValidator(as_list)]
+Constants = Each[float]
 Side = Literal["joint", "motor"]
 TorqueAt = Literal["motor", "link", "command"]
 

@@ -17,7 +17,7 @@ from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import Mechanism, mechanism_of
 
-from ..recordings import Dataset, Recording, TrueMotion
+from ..recordings import Dataset, Recording
 from ..signals import Signal, cut
 from .column_toml import CURRENTS, OWN, check_per_joint
 from .dataset_path import dataset_path
@@ -259,20 +259,12 @@ def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> 
     """Recording of each table in a file, named as the file and the part that the table is."""
     file, asked = str(folder / name), toml.asked
     if toml.reader is None:
-        split = toml.recordings.split
-        names = asked.names() if split is None else list(dict.fromkeys([*asked.names(), split]))
-        tables = toml.runs(read_table(content, file, names, header=asked.header))
+        tables = toml.runs(read_table(content, file, toml.names(), header=asked.header))
     else:
         read_tables = part_of(toml.reader.kind, "tables")
         tables = read_tables(content, file, toml.reader.settings, asked)
-    recordings = []
-    for part, table in tables.items():
-        title = table_name(name) + part
-        signals = recorded(table, toml, title)._asdict()
-        signals["truth"] = signals["truth"] and TrueMotion(*signals["truth"])
-        parameters = toml.recordings.parameters.get(name, {})
-        recordings.append(Recording(title, parameters=parameters, **signals))
-    return recordings
+    parameters, title = toml.recordings.parameters.get(name, {}), table_name(name)
+    return [recorded(table, toml, title + part, parameters) for part, table in tables.items()]
 
 
 def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:
@@ -301,18 +293,7 @@ def within(recording: Recording, start: float, stop: float) -> Recording:
         angle = span(recording.angle)
     except InputError as error:
         raise InputError(f"recording {recording.name!r}: {error}") from None
-    truth, velocity = recording.truth, recording.velocity
-    base, wrench = recording.base_motion, recording.base_wrench
-    return replace(
-        recording,
-        angle=angle,
-        torque=_around(recording.torque, angle.time[0], angle.time[-1]),
-        velocity=velocity and span(velocity),
-        covariates={key: span(signal) for key, signal in recording.covariates.items()},
-        truth=truth and TrueMotion(span(truth.angle), span(truth.velocity)),
-        base_motion=base and _around(base, angle.time[0], angle.time[-1]),
-        base_wrench=wrench and _around(wrench, angle.time[0], angle.time[-1]),
-    )
+    return recording.changed(span, partial(_around, start=angle.time[0], stop=angle.time[-1]))
 
 
 def _around(signal: Signal, start: float, stop: float) -> Signal:

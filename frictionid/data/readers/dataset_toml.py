@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
+    NonNegativeFloat,
+    PositiveFloat,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -26,6 +27,7 @@ from .column_toml import (
     UNITS,
     AskedColumns,
     ColumnNames,
+    Each,
     Gears,
     Motor,
     Names,
@@ -37,10 +39,8 @@ from .column_toml import (
 from .formats import part_of
 from .table import Table
 
-Directions = Annotated[list[Literal[1, -1]], Field(min_length=1), BeforeValidator(as_list)]
-Deviations = Annotated[
-    list[Annotated[float, Field(gt=0)]], Field(min_length=1), BeforeValidator(as_list)
-]
+Directions = Each[Literal[1, -1]]
+Deviations = Each[PositiveFloat]
 
 
 class Units(Strict):
@@ -98,7 +98,7 @@ class Recordings(Strict):
 
     patterns: Names
     split: str | None = None
-    start: Annotated[float, Field(ge=0)] = 0.0
+    start: NonNegativeFloat = 0.0
     stop: float = math.inf
     parameters: dict[str, dict[str, float]] = {}
 
@@ -109,10 +109,14 @@ class Recordings(Strict):
         return self
 
 
-class Mechanism(BaseModel):
-    """Kind, or file that describes the mechanism, parameters, tolerances; other keys: options."""
+class _Open(BaseModel):
+    """A table that may have other keys."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Mechanism(_Open):
+    """Kind, or file that describes the mechanism, parameters, tolerances; other keys: options."""
 
     kind: str | None = None
     urdf: str | None = None
@@ -136,13 +140,11 @@ class Mechanism(BaseModel):
         return self
 
 
-class Reader(BaseModel):
+class Reader(_Open):
     """Reader of the files; other keys are its settings.
 
     It stands in place of [columns] and [units], unless its format makes tables.
     """
-
-    model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
 
     kind: str
 
@@ -200,6 +202,11 @@ class DatasetToml(Strict):
             **{**dict(self.columns), "covariates": self.columns.covariates | named}, others=others
         )
 
+    def names(self) -> list[str]:
+        """All columns to read, each once."""
+        split = self.recordings.split
+        return list(dict.fromkeys([*self.asked.names(), *([] if split is None else [split])]))
+
     def runs(self, table: Table) -> dict[str, Table]:
         """The runs in a table, by what their names add to that of the file."""
         split = self.recordings.split
@@ -223,34 +230,23 @@ class DatasetToml(Strict):
         return columns
 
     @model_validator(mode="after")
-    def _columns_and_reader(self) -> Self:
+    def _nothing_twice(self) -> Self:
+        """What says the same, or the contrary, of one thing excludes each other."""
         tables = self.columns is not None and _reads_tables(self.reader)
         if self.reader is not None and not tables:
             for key in ("columns", "units", "hold", "motor", "actuator", "base", "signs"):
                 if key in self.model_fields_set:
                     raise ValueError(f"[{key}] and [reader] exclude each other; delete one of them")
-        return self
-
-    @model_validator(mode="after")
-    def _no_motor_at_links(self) -> Self:
-        motor = self.motor
-        if self.torque.at == "link" and motor and motor.torque_at_shaft:
+        if self.torque.at == "link" and self.motor and self.motor.torque_at_shaft:
             raise ValueError(
                 'torque.at = "link", but [motor] says that the torques are of the motors: delete '
                 "one of them"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _actuator_or_torque(self) -> Self:
-        if self.actuator is None or self.columns is None:
-            return self
-        if any(self.columns.torque):
+        if self.actuator is not None and self.columns is not None and any(self.columns.torque):
             raise ValueError(
                 "[actuator] and columns.torque exclude each other: a torque that was measured "
                 "drives better than one that is computed; delete one of them"
             )
-        self.actuator.check_joints(len(self.columns.angle))
         return self
 
     @model_validator(mode="after")
@@ -258,14 +254,13 @@ class DatasetToml(Strict):
         if self.columns is None:
             return self
         joints = len(self.columns.angle)
+        if self.actuator is not None:
+            self.actuator.check_joints(joints)
         numbers = {f"sigma.{label}": deviations for label, deviations in self.sigma}
         if self.motor is not None:
             motor = self.motor
-            names = (
-                *("kt", "gear", "offset"),
-                *("rated_torque", "rated_current", "counts_per_turn"),
-            )
-            numbers |= {f"motor.{name}": getattr(motor, name) for name in names}
+            others = ("coupling", "angle", "torque")
+            numbers |= {f"motor.{name}": each for name, each in motor if name not in others}
             if motor.coupling is not None and len(motor.coupling) != joints:
                 raise ValueError(
                     f"motor.coupling is of {len(motor.coupling)} motors, and there are {joints} "

@@ -108,10 +108,14 @@ def mat_names(variables: dict[str, Any]) -> list[str]:
     >>> mat_names({"t": np.zeros((9, 1)), "log": log, "table": np.ones((20, 1))})
     ['t', 'log.q(:,1)', 'log.q(:,2)']
     """
-    sizes = dict(_sizes(variables))
-    lengths = list(sizes.values())
-    usual = max(lengths, key=lambda length: length * lengths.count(length), default=0)
-    return [name for name, length in sizes.items() if length == usual]
+    return of_usual_length(dict(_sizes(variables)))
+
+
+def of_usual_length(lengths: dict[str, int]) -> list[str]:
+    """Names of columns that are as long as most numbers of a file are, by the length of each."""
+    every = list(lengths.values())
+    usual = max(every, key=lambda length: length * every.count(length), default=0)
+    return [name for name, length in lengths.items() if length == usual]
 
 
 def _sizes(variables: dict[str, Any], within: str = "") -> Iterator[tuple[str, int]]:

@@ -15,7 +15,7 @@ from frictionid.errors import InputError, needs
 from ..signals import Array, Signal, first_fault
 from .csv_table import check_header, csv_columns
 from .dataset_path import BAGS, TABLES
-from .mat import mat_column, mat_names, read_mat
+from .mat import mat_column, mat_names, of_usual_length, read_mat
 from .unpacking import check_cells, most_bytes, unzip
 
 # Formats that only readers of their own understand.
@@ -341,9 +341,7 @@ def _npz(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
         elif array.dtype.kind in "fiu" and array.ndim == 2:
             each |= {f"{name}[{i}]": column.astype(float) for i, column in enumerate(array.T)}
     if columns is None:
-        lengths = [len(column) for column in each.values()]
-        usual = max(lengths, key=lambda length: length * lengths.count(length), default=0)
-        columns = [name for name, column in each.items() if len(column) == usual]
+        columns = of_usual_length({name: len(column) for name, column in each.items()})
     check_header(file, list(each), columns)
     return _of_arrays({name: each[name] for name in columns}, file)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from frictionid.arrays import Array, usual_step
 from frictionid.errors import InputError
 
 from ..base_motion import base_motion
+from ..recording import Recording, TrueMotion
 from ..servo import Servo, servo_torque
 from ..signals import Signal, check_span
 from .base_toml import Base
@@ -20,25 +21,17 @@ from .table import Table, signal_of
 _GAPS = 2.0  # of the targets' usual gaps, by which they may begin late or end early
 
 
-class Recorded(NamedTuple):
-    """Signals of a recording in SI units, each on its clock; truth: noise-free angle, velocity.
-
-    servo : what makes the torque, where the table says targets in its place
-    base_motion, base_wrench : of a floating base, and on it, see `Recording`
-    """
-
-    angle: Signal
-    torque: Signal
-    velocity: Signal | None
-    covariates: Mapping[str, Signal]
-    truth: tuple[Signal, Signal] | None
-    servo: Servo | None = None
-    base_motion: Signal | None = None
-    base_wrench: Signal | None = None
+def recorded(
+    table: Table, toml: DatasetToml, name: str, parameters: Mapping[str, float]
+) -> Recording:
+    """Recording of a table, see `signals_of`."""
+    return Recording(name, parameters=parameters, **signals_of(table, toml, name))
 
 
-def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
-    """Signals of a table in SI units; a name is that of the recording.
+def signals_of(table: Table, toml: DatasetToml, name: str = "") -> dict[str, Any]:
+    """Signals of a table in SI units, each on its clock, by the names that a `Recording` has.
+
+    A name is that of the recording.
 
     Raises
     ------
@@ -53,7 +46,7 @@ def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
     signal, at_joints = partial(_signal, seen, toml), partial(_at_joints, motor=toml.motor)
     truth = None
     if columns.truth:
-        truth = (
+        truth = TrueMotion(
             signal("angle", columns.truth.angle)._replace(sigma=None),
             signal("velocity", columns.truth.velocity)._replace(sigma=None),
         )
@@ -75,13 +68,12 @@ def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
     else:
         torque = servo_torque(servo, angle)
     covariates = {key: signal("", [column]) for key, column in columns.covariates.items()}
-    base = (None, None) if toml.base is None else _on_base(seen, toml, toml.base, angle.time)
-    return Recorded(angle, torque, velocity, covariates, truth, servo, *base)
+    base = {} if toml.base is None else _on_base(seen, toml, toml.base, angle.time)
+    signals = {"angle": angle, "torque": torque, "velocity": velocity, "covariates": covariates}
+    return {**signals, "truth": truth, "servo": servo, **base}
 
 
-def _on_base(
-    table: Table, toml: DatasetToml, base: Base, time: Array
-) -> tuple[Signal, Signal | None]:
+def _on_base(table: Table, toml: DatasetToml, base: Base, time: Array) -> dict[str, Signal | None]:
     """Motion of the base by its sensors, and the wrench on it; time : of the angles."""
     signals = {}
     if base.wrench == "none":
@@ -90,7 +82,7 @@ def _on_base(
         signal = _signal(table, toml, "", names, base.time or "")
         signals[quantity] = signal._replace(value=signal.value * base.units.scale(quantity))
     wrench = signals.pop("wrench", None)
-    return base_motion(base.mounting, **signals), wrench
+    return {"base_motion": base_motion(base.mounting, **signals), "base_wrench": wrench}
 
 
 def _signal(

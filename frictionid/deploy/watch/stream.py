@@ -12,7 +12,7 @@ from frictionid.config import read_toml
 from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.data.readers.table import rate_of, read_table
-from frictionid.data.readers.table_recording import recorded
+from frictionid.data.readers.table_recording import signals_of
 from frictionid.errors import InputError
 
 _PAUSE = 0.02  # [s] between two looks
@@ -42,8 +42,8 @@ def chunks_of(dataset: str | Path, header: str) -> Callable[[list[str]], Chunk]:
 
     def chunk(lines: list[str]) -> Chunk:
         table = read_table("\n".join([header, *lines]).encode(), _NAME, toml.asked.names())
-        signals = recorded(table, toml)
-        angle, torque = signals.angle, signals.torque
+        signals = signals_of(table, toml)
+        angle, torque = signals["angle"], signals["torque"]
         if not np.array_equal(angle.time, torque.time):
             raise InputError("a stream needs angles and torques on one clock: log them together")
         return Chunk(angle.time, *(np.asarray(s.value, dtype=float) for s in (angle, torque)))

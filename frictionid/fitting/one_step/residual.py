@@ -19,7 +19,6 @@ from frictionid.data.plants import on_recorded_base
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
-from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.friction import DataRange, Inputs, Law, Nodes, joined
 from frictionid.friction.coordinates import (
@@ -218,7 +217,7 @@ def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Rows:
     plant = on_recorded_base(plant, recording, time[:-1])
     terms = plant.terms(q[:-1], w[:-1])
     r = w[:-1] + solve(terms.M, terms.h + times(terms.B, u)) * dt[:, None] - w[1:]
-    temperature = temperature_at(recording, time[:-1], plant.mechanism.joints)
+    temperature = recording.temperature_at(time[:-1], plant.mechanism.joints)
     load = recorded_load(plant, time[:-1], q[:-1], w[:-1], u)
     nodes = at_places(plant.mechanism, Inputs(q[:-1], w[:-1], u, load, temperature))
     r, G = with_places(plant.mechanism, r, inverse(terms.M) * dt[:, None, None])
@@ -239,7 +238,7 @@ def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Rows:
     r = solve(M1, impulse) - states.w[1:]
     # friction at a sample sees the torque logged there, not the mean of the next interval
     torque = interleaved(sample(recording.torque, states.time), u)
-    temperature = temperature_at(recording, at, plant.mechanism.joints)
+    temperature = recording.temperature_at(at, plant.mechanism.joints)
     nodes = recorded_inputs(plant, at, q, w, torque, temperature)
     r, G = with_places(plant.mechanism, r, inverse(M1) * dt[:, None, None])
     return nodes, at, r, G, states.time[:-1], dt

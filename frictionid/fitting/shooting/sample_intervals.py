@@ -15,7 +15,6 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal, relative_noise, sample
 from frictionid.data.state_estimators import RTS, States, resolutions
-from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 
 from ..one_step.formulation import states_of
@@ -101,7 +100,7 @@ class Intervals:
         out, middle = np.empty_like(self.q), self.time + self.dt / 2
         for r, recording in enumerate(self.dataset.recordings):
             rows = self.recording == r
-            values = temperature_at(recording, middle[rows], self.dataset.mechanism.joints)
+            values = recording.temperature_at(middle[rows], self.dataset.mechanism.joints)
             if values is None:
                 return None
             out[rows] = values

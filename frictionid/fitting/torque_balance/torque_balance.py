@@ -21,7 +21,6 @@ from frictionid.data.plants import on_recorded_base, plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
-from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes, joined
 from frictionid.friction.coordinates import recorded_inputs, with_places
@@ -252,7 +251,7 @@ def _part(
     at = np.arange(0, len(states.time), step)
     time, q, w = with_midpoints(states.time[at], states.q[at], states.w[at])
     plant = on_recorded_base(plant, recording, time)
-    temperature = temperature_at(recording, time, plant.mechanism.joints)
+    temperature = recording.temperature_at(time, plant.mechanism.joints)
     u = sample(recording.torque, time)
     inputs = recorded_inputs(plant, time, q, w, u, temperature)
     dt = np.diff(states.time[at])

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from frictionid.config import Strict, checked
 from frictionid.errors import InputError
@@ -31,7 +31,6 @@ XL330_GAIN = 4096 / (2 * math.pi) / (256 * 885)
 WORD = 65536
 LARGEST = 1e100  # the product of three such numbers is finite
 ENTRY = ("timestamp", "position", "goal_position", "load", "temp", "input_volts", "torque_enable")
-Positive = Annotated[float, Field(gt=0)]
 
 
 class BamSettings(Strict):
@@ -42,11 +41,11 @@ class BamSettings(Strict):
     angles so that 0 hangs down; phase : part of each log
     """
 
-    kt: Positive
-    R: Positive
-    gain: Positive = XL330_GAIN
+    kt: PositiveFloat
+    R: PositiveFloat
+    gain: PositiveFloat = XL330_GAIN
     limit: Annotated[float, Field(gt=0, le=1)] = 1.0
-    vin: Positive | None = None
+    vin: PositiveFloat | None = None
     offset: float = 0.0
     phase: Literal["all", "driven", "passive"] = "all"
 

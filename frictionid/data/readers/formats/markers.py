@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PositiveFloat, model_validator
 
 from frictionid.config import Strict, checked
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 
-from ...marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
+from ...marker_geometry import hold_pivot, link_angles, link_lengths, mirror
 from ...recordings import Recording
 from ...signals import Array, Signal
 from ..column_toml import UNITS, Column
@@ -37,7 +37,7 @@ class MarkerSettings(Strict):
     y: Annotated[list[Column], Field(min_length=2)]
     time: Column | None = None
     time_unit: Literal["s", "ms", "us"] = "s"
-    rate: Annotated[float, Field(gt=0)] | None = None
+    rate: PositiveFloat | None = None
     header: bool = True
     y_points: Literal["down", "up"] = "down"
     pivot: Literal["moving", "fixed"] = "moving"
@@ -91,7 +91,7 @@ def _seen(table: Table, settings: MarkerSettings) -> Table:
 def _angles(markers: Array, settings: MarkerSettings, table: Table) -> Array:
     """Joint angles (T, n) [rad] of markers (T, n + 1, 2) as they stand in the table."""
     if settings.y_points == "up":
-        markers = turn_up(markers)
+        markers = -mirror(markers)
     if settings.mirrored:
         markers = mirror(markers)
     if settings.pivot == "fixed":
