@@ -20,6 +20,7 @@ from frictionid.fitting.one_step.balances import Rows, balances_of
 
 from .findings import Finding, finding
 from .motion import WIDTH, Measured, characteristic_speeds
+from .regression import unit_columns
 
 _FEW = ("flipped", "shifted")  # kinds that change some joints of an arm only
 TORQUE_UNITS = {"mN m": 1000, "N cm": 100}  # kinds of which the torques are so many times too large
@@ -62,8 +63,7 @@ class Convention(NamedTuple):
     @property
     def offset(self) -> Array:
         """What the map of the angles adds (n,) [rad]: q becomes A q + offset."""
-        n = len(self.angle)
-        zero = np.broadcast_to(np.asarray(self.zero, dtype=float), n)
+        zero = np.broadcast_to(self.zero, len(self.angle))
         return zero - self.angle @ zero + self.shift
 
 
@@ -100,17 +100,17 @@ class Scored(NamedTuple):
 
 
 def hypotheses(
-    n: int, driven: Sequence[bool], position_units: Sequence[str] = (), gears: Gears | None = None
+    driven: Sequence[bool] | Array, position_units: Sequence[str], gears: Gears | None = None
 ) -> Iterator[Convention]:
     """Conventions that recordings of n joints may follow; the first is the data as given.
 
-    position_units : of each joint, "rad", or "m" where it slides; all "rad" where there are none
+    driven, position_units : of each joint; "rad", or "m" where it slides
     gears : between the motors that columns are of and the joints
     """
-    slides = np.array([unit == "m" for unit in position_units or ("rad",) * n])
+    n, slides = len(driven), np.array([unit == "m" for unit in position_units])
     eye = np.eye(n)
     yield Convention("as_given", "as given", eye, eye)
-    yield from _signs(n, driven, gears)
+    yield from _signs(driven, gears)
     swap = eye[::-1]
     if n == 2 and len(set(slides)) == 1:
         yield Convention("swapped_angles", "the angles of the joints are swapped", swap, eye)
@@ -134,8 +134,7 @@ def hypotheses(
         words = 'angles are those of the motors, not of the joints (motor.angle = "motor")'
         yield Convention("motor_angles", words, np.linalg.inv(gears.turns), eye)
     yield Convention(_NONE, "no torque acts", eye, 0.0 * eye)
-    turns = any(np.asarray(driven) & ~slides)
-    for name, large in TORQUE_UNITS.items() if turns else ():
+    for name, large in TORQUE_UNITS.items() if any(driven & ~slides) else ():
         size = np.where(slides, 1.0, large)
         words = f"torques are {large} times too large ({name}, not N m; or a constant of the motor)"
         yield Convention(name, words, eye, eye / size)
@@ -143,9 +142,10 @@ def hypotheses(
         yield Convention(f"not {name}", words, eye, eye * size)
 
 
-def _signs(n: int, driven: Sequence[bool], gears: Gears | None) -> Iterator[Convention]:
+def _signs(driven: Sequence[bool] | Array, gears: Gears | None) -> Iterator[Convention]:
     """Wrong signs of angles, of torques, of both, and of gears."""
-    eye, of_gear = np.eye(n), "" if gears is None else " (that of its gear, or of its column)"
+    n, of_gear = len(driven), "" if gears is None else " (that of its gear, or of its column)"
+    eye = np.eye(n)
     if sum(driven) > 1:  # those of the load, as some robots log them
         yield Convention("flipped_torque", "all torques have the wrong sign", eye, -eye)
     for j in range(n):
@@ -170,18 +170,16 @@ def _signs(n: int, driven: Sequence[bool], gears: Gears | None) -> Iterator[Conv
 
 def scores(measured: Measured) -> list[Scored]:
     """All conventions with their scores, the data as given first."""
-    acting = [
-        j not in measured.dead and bool(acts) for j, acts in enumerate(measured.dataset.actuated)
-    ]
-    mechanism = measured.mechanism
-    candidates = list(
-        hypotheses(mechanism.n, acting, mechanism.position_units, measured.dataset.gears)
-    )
-    first, *others = _all_scored(measured, candidates)
+    acting = measured.dataset.actuated.copy()
+    acting[list(measured.dead)] = False
+    units, gears = measured.mechanism.position_units, measured.dataset.gears
+    first, *others = _all_scored(measured, list(hypotheses(acting, units, gears)))
     # to turn a joint that nothing else depends on is no fault
-    same = [np.allclose(s.each, first.each, rtol=0.0, atol=1e-6) for s in others]
-    kept = [s for s, same in zip(others, same, strict=True) if not (s.of_gears and same)]
-    kept = _with_torque(kept)
+    kept = [
+        s
+        for s in _with_torque(others)
+        if not (s.of_gears and np.allclose(s.each, first.each, rtol=0.0, atol=1e-6))
+    ]
     if (first.each < 2 * np.log(_WRONG)).all():
         return [first, *kept]
     return [first, *kept, *shifted(measured, first, kept)]
@@ -244,7 +242,7 @@ def _quarter_turns(measured: Measured, start: Scored) -> Scored:
 
 def _shifted(convention: Convention, shift: Array) -> Convention:
     """A convention whose angles are shifted as well."""
-    degrees = np.round(np.degrees((np.asarray(shift) + np.pi) % (2 * np.pi) - np.pi))
+    degrees = np.round(np.degrees((shift + np.pi) % (2 * np.pi) - np.pi))
     degrees = np.where(degrees == -180, 180, degrees).astype(int)
     off = [f"{d:+d} degrees to angle {j + 1}" for j, d in enumerate(degrees.tolist()) if d]
     also = "" if convention.kind == "as_given" else f"{convention.words}, and "
@@ -284,8 +282,8 @@ def _rows(measured: Measured, maps: Sequence[Convention]) -> Iterator[Rows]:
             yield balances.rows(windows).without(measured.dead)
 
 
-def log_unexplained(rows: Rows, torque: Array) -> Array:
-    """Mean log of the squared share of each joint's torque that stays unexplained, (n,).
+def log_unexplained(rows: Rows, torque: Array) -> float:
+    """Mean log of the squared share of each joint's torque that stays unexplained.
 
     Mechanism and torque are given; friction may be anything of the shapes in `rows` that opposes
     motion (non-negative least squares). What remains, over the sum of squares of the terms of the
@@ -298,7 +296,7 @@ def log_unexplained(rows: Rows, torque: Array) -> Array:
     torque : array, shape (K, n) [N m]
     """
     each, matters = _shares(rows, torque)
-    return np.where(matters, each, 0.0)
+    return float(np.where(matters, each, 0.0).mean())
 
 
 def _shares(rows: Rows, torque: Array) -> tuple[Array, Array]:
@@ -321,8 +319,7 @@ def _shares(rows: Rows, torque: Array) -> tuple[Array, Array]:
 def _residual_squares(shapes: Array, target: Array) -> float:
     """Sum of squares that no friction opposing the motion explains."""
     columns = np.column_stack([shapes, -shapes[:, 2]])  # an offset may have either sign
-    size = np.sqrt((columns**2).sum(0))
-    Q, R = np.linalg.qr(columns / np.where(size > 0, size, 1.0))
+    Q, R = np.linalg.qr(unit_columns(columns)[0])
     b = Q.T @ target
     distance = nnls(R, b)[1]
     return float(distance**2 + max(target @ target - b @ b, 0.0))

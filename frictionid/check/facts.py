@@ -145,11 +145,6 @@ def noise_of(time: Array, values: Array) -> Noise:
     return Noise(min(levels), min(stretches), white and even)
 
 
-def repeated(values: Array) -> float:
-    """Share of the readings that equal the one before."""
-    return float(np.mean(np.diff(values) == 0.0)) if len(values) > 1 else 0.0
-
-
 def unexplained_noise(time: Array, values: Array, readings: Array) -> float:
     """Share (0 to 1) of a column's noise that the noise of readings (T, m) leaves.
 

@@ -11,7 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, usual_step
-from frictionid.check.conventions import (
+from frictionid.data.integrals import SignalIntegrals
+from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
+from frictionid.data.recordings import Recording
+from frictionid.data.state_estimators import usual_changes
+from frictionid.fitting.one_step.balances import Rows
+
+from .conventions import (
     Scored,
     better,
     convention_findings,
@@ -20,8 +26,8 @@ from frictionid.check.conventions import (
     scored,
     scores,
 )
-from frictionid.check.findings import Finding, finding
-from frictionid.check.model_errors import (
+from .findings import Finding, finding
+from .model_errors import (
     SINGLED_OUT,
     ModelError,
     constant_angle,
@@ -30,26 +36,21 @@ from frictionid.check.model_errors import (
     missing_rotors,
     unlogged_torque,
 )
-from frictionid.check.motion import (
+from .motion import (
     MIN_WINDOWS,
     WIDTH,
     Measured,
-    Motion,
     motions_of,
     windows_of,
 )
-from frictionid.check.partial_regression import (
+from .partial_regression import (
     PARAMETER_PRIOR,
     Nuisance,
     PartialEstimate,
     nuisance_of,
     refined_delay,
 )
-from frictionid.check.servos import is_fast
-from frictionid.data.integrals import SignalIntegrals
-from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
-from frictionid.data.recordings import Recording
-from frictionid.fitting.one_step.balances import Rows
+from .servos import is_fast
 
 # Largest delay searched [s]; steps [s] of both searches and of the derivative.
 WIDEST = 0.6
@@ -341,7 +342,7 @@ def _exchanged_findings(measured: Measured, score: float) -> list[Finding]:
 
 
 def _unexplained_findings(rows: Rows, torque: Array, nominal: Array) -> list[Finding]:
-    score = float(log_unexplained(rows.at(nominal), torque).mean())
+    score = log_unexplained(rows.at(nominal), torque)
     if score < UNEXPLAINED:
         return []
     return [finding("unexplained", {"score": score}, {"share": np.exp(score / 2)})]
@@ -354,21 +355,10 @@ COARSE_SAMPLES = 0.1
 def sampling_findings(measured: Measured) -> list[Finding]:
     """A finding where the velocity of a joint changes much between two samples."""
     threshold, fast = measured.speeds
-    change = velocity_changes(measured.motions, threshold) / fast
+    change = usual_changes([motion.states.w for motion in measured.motions], threshold) / fast
     j = int(np.argmax(change))
     if change[j] <= COARSE_SAMPLES:
         return []
     gap = np.median(np.concatenate([np.diff(motion.states.time) for motion in measured.motions]))
     words = {"gap": gap, "times": np.ceil(2 * change[j] / COARSE_SAMPLES)}
     return [finding("slow_sampling", {"change": float(change[j])}, words, j + 1)]
-
-
-def velocity_changes(motions: Sequence[Motion], threshold: Array) -> Array:
-    """Usual change (n,) [rad/s] of velocities from sample to sample; zero for joints at rest.
-
-    Median over the samples with a speed above the threshold (n,) [rad/s].
-    """
-    change = np.concatenate([np.abs(np.diff(motion.states.w, axis=0)) for motion in motions])
-    speed = np.concatenate([np.abs(motion.states.w[1:]) for motion in motions])
-    moving = [c[s > least] for c, s, least in zip(change.T, speed.T, threshold, strict=True)]
-    return np.array([np.median(c) if len(c) else 0.0 for c in moving])

@@ -11,7 +11,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.clock_facts import GAP, run_edges, usual_intervals
-from frictionid.data.recordings import Dataset, Recording, TrueMotion
+from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 
 from .conventions import MARGIN, log_unexplained
@@ -54,12 +54,12 @@ def log_findings(measured: Measured, dead: Sequence[int]) -> Iterator[Finding]:
 
 def _torques(dataset: Dataset, j: int) -> list[Array]:
     """Torque (T,) of joint j in each recording."""
-    return [np.asarray(r.torque.value)[:, j] for r in dataset.recordings]
+    return [r.torque.value[:, j] for r in dataset.recordings]
 
 
 def unsigned_torques(dataset: Dataset) -> Iterator[Finding]:
     """A finding for each driven joint whose torque has lost its sign."""
-    for j in np.flatnonzero(dataset.mechanism.driven).tolist():
+    for j in dataset.driven_joints:
         columns = _torques(dataset, j)
         values = np.concatenate(columns)
         if not values.any() or values.min() < 0.0 < values.max():
@@ -94,7 +94,7 @@ def repeated_rows(dataset: Dataset) -> Iterator[Finding]:
     """
     rows = moving = total = 0
     for recording in dataset.recordings:
-        step = np.diff(np.asarray(recording.angle.value), axis=0)
+        step = np.diff(recording.angle.value, axis=0)
         same: Array = np.all(step == 0.0, axis=1)
         # before and behind equal readings an angle goes by several of its steps: it moves
         quantum = np.array([np.abs(c[c != 0]).min(initial=np.inf) for c in step.T])
@@ -130,7 +130,7 @@ def jittering_stamps(dataset: Dataset) -> Iterator[Finding]:
 
 def _jitter(recording: Recording) -> tuple[float, float, float] | None:
     """Jitter over the interval, mean interval [s], scatter on an even grid over that as logged."""
-    time, value = np.asarray(recording.angle.time), np.asarray(recording.angle.value)
+    time, value = recording.angle.time, recording.angle.value
     rows = np.arange(len(time))
     if len(time) < 100:
         return None
@@ -160,10 +160,10 @@ def dead_torques(measured: Measured) -> list[int]:
     """
     threshold = measured.speeds.threshold
     out = []
-    for j in np.flatnonzero(measured.mechanism.driven).tolist():
+    for j in measured.dataset.driven_joints:
         zero, count, lengths = 0, 0, np.zeros(0)
-        for recording, motion in zip(measured.dataset.recordings, measured.motions, strict=True):
-            value = np.asarray(recording.torque.value)[:, j]
+        for recording, motion in measured.pairs:
+            value = recording.torque.value[:, j]
             if not value.any():
                 continue
             speed = np.abs(motion.states.w[:, j])
@@ -198,7 +198,7 @@ def clock_findings(dataset: Dataset) -> Iterator[Finding]:
         _, start, name = bursts[0]
         numbers = {"rows": float(len(bursts)), "start": start}
         yield finding("stamp_bursts", numbers, {"recording": name})
-    for j in np.flatnonzero(dataset.mechanism.driven).tolist():
+    for j in dataset.driven_joints:
         rows = _held_rows(_torques(dataset, j))
         if rows > 1:
             words = {"repeats": 1 - 1 / rows}
@@ -224,7 +224,7 @@ def _jumps(angle: Signal, j: int) -> list[tuple[int, float]]:
 
     But for the end of a standstill, where it may be the sensor that was frozen.
     """
-    interval, step = np.diff(angle.time), np.abs(np.diff(np.asarray(angle.value)[:, j]))
+    interval, step = np.diff(angle.time), np.abs(np.diff(angle.value[:, j]))
     if len(step) <= 2 * AROUND:
         return []
     even = interval <= GAP * usual_intervals(interval)
@@ -240,7 +240,7 @@ def _stamps(dataset: Dataset, chosen: Callable[[Array], Array]) -> list[tuple[fl
     """Chosen intervals between stamps [s], the times [s] at which they begin, their recordings."""
     out = []
     for recording in dataset.recordings:
-        time = np.asarray(recording.angle.time)
+        time = recording.angle.time
         interval = np.diff(time)
         at = np.flatnonzero(chosen(interval)) if len(interval) else ()
         out += [(float(interval[k]), float(time[k]), recording.name) for k in at]
@@ -288,35 +288,21 @@ def in_seconds(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
     if not fitting or fitting[0] == 1.0:
         return dataset, []
     factor = fitting[0]
-    recordings = tuple(_clocked(factor, recording) for recording in dataset.recordings)
+
+    def clocked(signal: Signal) -> Signal:
+        return signal._replace(time=factor * signal.time)
+
+    recordings = tuple(r.changed(clocked, clocked) for r in dataset.recordings)
     corrected = replace(dataset, recordings=recordings)
     measured = Measured.of_dataset(corrected, motions_of(corrected.recordings))
     rows = windows_of(measured.balances).at(measured.nominal)
     torque = rows.means(measured.torque)
     # with the times of the table, then with the corrected ones
     before, score = (
-        float(log_unexplained(rows._replace(inertia=f**2 * rows.inertia), torque).mean())
-        for f in (factor, 1.0)
+        log_unexplained(rows._replace(inertia=f**2 * rows.inertia), torque) for f in (factor, 1.0)
     )
     if not score < before - MARGIN:
         return dataset, []
     numbers = {"factor": factor, "interval": interval, "score": score, "given": before}
     words = {"unit": UNITS[factor], "actual": factor * interval}
     return corrected, [finding("time_unit", numbers, words)]
-
-
-def _clocked(factor: float, recording: Recording) -> Recording:
-    """The recording with its times multiplied."""
-
-    def clocked(signal: Signal) -> Signal:
-        return signal._replace(time=factor * signal.time)
-
-    truth, velocity = recording.truth, recording.velocity
-    return replace(
-        recording,
-        angle=clocked(recording.angle),
-        torque=clocked(recording.torque),
-        velocity=velocity and clocked(velocity),
-        covariates={key: clocked(signal) for key, signal in recording.covariates.items()},
-        truth=truth and TrueMotion(clocked(truth.angle), clocked(truth.velocity)),
-    )

@@ -19,6 +19,7 @@ from frictionid.mechanics import Plant
 from .findings import Finding, finding, sentence
 from .motion import WIDTH, Measured
 from .partial_regression import MODEL, PartialRegression, partial_regression
+from .regression import unit_columns
 from .servos import servos_of
 
 # Nominal numbers of real machines are rarely better than this share; friction that grows with the
@@ -74,8 +75,7 @@ def model_errors(
     plant : nominal, one batch entry per recording ; rows : of unit vectors ; torque (K, n) [N m] ;
     fit : of these rows, with the friction of each joint free
     """
-    nominal = np.asarray(plant.p)
-    target = torque - rows.required(nominal)
+    target = torque - rows.required(plant.p)
     without = max(float(np.sum(fit.residual(target) ** 2)), 1e-300)
     out = []
     for kind, words, column, unit, share in _candidates(plant, rows, torque):
@@ -93,7 +93,7 @@ def _candidates(
     plant: Plant, rows: Rows, torque: Array
 ) -> Iterator[tuple[str, str, Array, str, float]]:
     """Errors to test: kind, words, column (K, n) [N m per unit], unit, relative size of a unit."""
-    mechanism, nominal = plant.mechanism, np.asarray(plant.p)[0]
+    mechanism, nominal = plant.mechanism, plant.p[0]
     motors = np.flatnonzero(mechanism.driven).tolist()
     if len(motors) > 1:
         yield "gain", "gain of all torques", torque, "", 1.0
@@ -102,23 +102,26 @@ def _candidates(
         yield "gain", f"gain of torque {j + 1}", torque * eye[j], "", 1.0
     growing = np.abs(torque) * rows.friction[..., 0]  # times the mean of sgn(w)
     for j in motors:
-        yield (
-            "load",
-            f"the friction of joint {j + 1} grows with its torque",
-            growing * eye[j],
-            "",
-            1.0,
-        )
-    parameters = {name: float(value[0]) for name, value in plant.parameters.items()}
-    for name in (p.name for p in mechanism.parameters if p.rotor):
-        # base parameters are linear in a rotor inertia
-        larger = {**parameters, name: parameters[name] + 1.0}
-        change = mechanism.base(larger) - mechanism.base(parameters)
+        words = f"the friction of joint {j + 1} grows with its torque"
+        yield "load", words, growing * eye[j], "", 1.0
+    for name, change in _rotors(plant).items():
         share = float(np.max(np.abs(change) / np.maximum(np.abs(nominal), 1e-12)))
         yield "rotor", f"rotor inertia missing ({name})", rows.regressor @ change, "kg m^2", share
     for i, (name, unit) in enumerate(zip(mechanism.base_names, mechanism.base_units, strict=True)):
         if nominal[i]:
             yield "base", name, rows.regressor[..., i], unit, 1 / abs(float(nominal[i]))
+
+
+def _rotors(plant: Plant) -> dict[str, Array]:
+    """Change (nb,) of the base parameters by 1 kg m^2 more of each rotor, in which they are linear.
+
+    Of the first recording.
+    """
+    mechanism = plant.mechanism
+    parameters = {name: float(value[0]) for name, value in plant.parameters.items()}
+    base = mechanism.base(parameters)
+    names = [p.name for p in mechanism.parameters if p.rotor]
+    return {n: mechanism.base({**parameters, n: parameters[n] + 1.0}) - base for n in names}
 
 
 def missing_rotors(measured: Measured, rows: Rows) -> tuple[Array, Finding] | None:
@@ -130,30 +133,26 @@ def missing_rotors(measured: Measured, rows: Rows) -> tuple[Array, Finding] | No
     machine's only rotor is one of the `model_errors`.
     """
     plant, nominal = measured.plant, measured.nominal
-    silent = [
-        p.name for p in plant.mechanism.parameters if p.rotor and not plant.parameters[p.name].any()
-    ]
+    rotors = {n: x for n, x in _rotors(plant).items() if not plant.parameters[n].any()}
     torque = rows.means(measured.torque)
-    if len(silent) < 2 or not np.abs(torque).any():
+    if len(rotors) < 2 or not torque.any():
         return None
-    parameters = {name: float(value[0]) for name, value in plant.parameters.items()}
-    base = plant.mechanism.base(parameters)
-    changes = [plant.mechanism.base({**parameters, name: 1.0}) - base for name in silent]
+    changes = np.stack(list(rotors.values()))
     fit = partial_regression(rows, torque, nominal)
     target = fit.residual(torque - rows.required(nominal))
     columns = np.stack([fit.residual(rows.regressor @ change) for change in changes], axis=-1)
-    size = np.sqrt((columns**2).sum(axis=0))
-    scaled, distance = nnls(columns / np.where(size > 0, size, 1.0), target)
-    value = scaled / np.where(size > 0, size, 1.0)
+    columns, size = unit_columns(columns)
+    scaled, distance = nnls(columns, target)
+    value = scaled / size
     without = float(target @ target)
     share = MODEL * float(np.sqrt(without / max(len(target), 1)))
     left = distance**2 / max(without, 1e-300)
     if share < USUAL or 1 - left < EXPLAINS:
         return None
-    pairs = zip(silent, value.tolist(), strict=True)
+    pairs = zip(rotors, value.tolist(), strict=True)
     values = ", ".join(f"{name} = {inertia:.2g}" for name, inertia in pairs if inertia > 0)
-    rotors = finding("rotors", {"left": left}, {"values": values, "removed": 1 - left})
-    return value @ np.stack(changes), rotors
+    words = {"values": values, "removed": 1 - left}
+    return value @ changes, finding("rotors", {"left": left}, words)
 
 
 class Misfit(NamedTuple):
@@ -184,36 +183,36 @@ def misfit(measured: Measured, rows: Rows, torque: Array) -> Misfit:
     noise = fit.weight * measured.momentum_noise / WIDTH
     moving = rows.moving.sum(0) / max(int(rows.moving.sum()), 1)
     number = np.broadcast_to(rows.recording[:, None], rows.moving.shape)[rows.moving]
+    share = MODEL * float(np.sqrt(left @ left / count))
     return Misfit(
-        MODEL * float(np.sqrt(left @ left / count)),
+        share,
         MODEL * float(np.sqrt(np.sum(moving * noise**2))),
         model_errors(measured.plant, rows, torque, fit),
-        free_share(rows, torque, nominal, fit),
-        *_worst(measured, left, number),
+        _free_share(left, rows, torque, nominal, fit),
+        *(_worst(measured, left, number) or ("", share)),
         _SERVO if servos_of(measured.dataset) else "",
     )
 
 
-def _worst(measured: Measured, left: Array, number: Array) -> tuple[str, float]:
+def _worst(measured: Measured, left: Array, number: Array) -> tuple[str, float] | None:
     """Recording whose residual is more than twice that of the others together, and its share."""
     squares = np.bincount(number, left**2, len(measured.motions))
     counts = np.bincount(number, minlength=len(measured.motions))
-    if (counts > 0).sum() < 3:
-        return "", MODEL * float(np.sqrt(left @ left / max(len(left), 1)))
     each = squares / np.maximum(counts, 1)
     i = int(np.argmax(each))
     others = (squares.sum() - squares[i]) / max(counts.sum() - counts[i], 1)
-    alone = bool(each[i] > 4.0 * others)
-    name = measured.dataset.recordings[i].name if alone else ""
-    return name, MODEL * float(np.sqrt(each[i] if alone else squares.sum() / counts.sum()))
+    if (counts > 0).sum() < 3 or not each[i] > 4.0 * others:
+        return None
+    return measured.dataset.recordings[i].name, MODEL * float(np.sqrt(each[i]))
 
 
-def free_share(rows: Rows, torque: Array, nominal: Array, fit: PartialRegression) -> float:
-    """Sum of squares with all base parameters free, over the one with the nominal ones."""
-    target = fit.residual(torque - rows.required(nominal))
+def _free_share(
+    target: Array, rows: Rows, torque: Array, nominal: Array, fit: PartialRegression
+) -> float:
+    """Sum of squares with all base parameters free, over that of the target, with nominal ones."""
     columns = fit.residual(np.moveaxis(rows.regressor, -1, 0)).T
     size = np.sqrt((columns**2).sum(0))
-    if not np.abs(torque).any():  # only ratios show: hold the largest
+    if not torque.any():  # only ratios show: hold the largest
         size[np.argmax(size * np.abs(nominal[0]))] = 0.0
     columns = columns[:, size > 0] / size[size > 0]
     left = target - columns @ np.linalg.lstsq(columns, target, rcond=1e-7)[0]
@@ -224,7 +223,7 @@ def unlogged_torque(left: Misfit, torque: Array, driven: Sequence[bool]) -> list
     """A finding where motors are not logged: torques (K, n) that are zero, and a misfit."""
     motors = ", ".join(str(j + 1) for j in np.flatnonzero(driven))
     unknown = any(f.kind == "unknown_cause" for f in findings_of(left))
-    if np.abs(torque).any() or not motors or not unknown:
+    if torque.any() or not motors or not unknown:
         return []
     return [finding("zero_torque", {"left": left.share, "noise": left.noise}, {"motors": motors})]
 

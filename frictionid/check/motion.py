@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -64,17 +64,12 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
     return tuple(_motion(r, angle, Smoothed(*parts)) for r, angle, parts in each)
 
 
-def _rounding(angle: Signal, averaged: Signal) -> Array:
-    """Variance (n,) [rad^2] that rounding to quantisation steps has in averaged samples."""
-    step = resolutions(angle.value, DISTINCT)
-    return step**2 / 12 / (len(angle.time) // len(averaged.time))
-
-
 def _motion(recording: Recording, angle: Signal, smooth: Smoothed) -> Motion:
     left = noise_left(smooth.rho, usual_step(angle.time))
     mean, left_out = smooth.mean, smooth.left_out
     scatter = (angle.value - mean[..., 0]).var(axis=0, where=~left_out)
-    rounding = _rounding(recording.angle, angle)
+    step, count = resolutions(recording.angle.value, DISTINCT), len(recording.angle.time)
+    rounding = step**2 / 12 / (count // len(angle.time))  # of averaged samples
     variance = np.maximum(scatter / np.maximum(1.0 - left.share, 0.05), rounding)
     base = recording.base_motion
     along = None if base is None else sample(base, angle.time)
@@ -154,13 +149,11 @@ class Measured:
     @staticmethod
     def of_dataset(dataset: Dataset, motions: Sequence[Motion]) -> Measured:
         """A data set with its motions, torques as logged."""
-        torque = integrals_of([recording.torque for recording in dataset.recordings])
-        return Measured(dataset, plant_of(dataset), tuple(motions), torque)
+        return Measured(dataset, plant_of(dataset), tuple(motions), _integrals(dataset))
 
     def with_torques_of(self, dataset: Dataset) -> Measured:
         """The same motions with the torques of a data set."""
-        torque = integrals_of([recording.torque for recording in dataset.recordings])
-        return replace(self, dataset=dataset, torque=torque)
+        return replace(self, dataset=dataset, torque=_integrals(dataset))
 
     @property
     def mechanism(self) -> Mechanism:
@@ -170,7 +163,12 @@ class Measured:
     @property
     def nominal(self) -> Array:
         """Nominal base parameters (R, nb)."""
-        return np.asarray(self.plant.p)
+        return self.plant.p
+
+    @property
+    def pairs(self) -> Iterator[tuple[Recording, Motion]]:
+        """The recordings, each with its motion."""
+        return zip(self.dataset.recordings, self.motions, strict=True)
 
     @cached_property
     def speeds(self) -> Speeds:
@@ -207,6 +205,10 @@ class Measured:
         """The data after linear maps (n, n) of angles, with an offset, and of torques."""
         motions = tuple(mapped_motion(motion, angle, offset) for motion in self.motions)
         return replace(self, motions=motions, torque=self.torque.mapped(torque))
+
+
+def _integrals(dataset: Dataset) -> SignalIntegrals:
+    return integrals_of([recording.torque for recording in dataset.recordings])
 
 
 def _averaged(angle: Signal) -> Signal:
@@ -250,15 +252,7 @@ def adapted(balances: Balances, motions: Sequence[Motion]) -> Rows:
     at reversals, where the acceleration jumps: at 60 Hz with 3 mrad, short windows and reversals
     cost 1 to 2 % of the inertias and 15 % of viscous friction (simulated), and are left out.
     """
-    if is_blurred(motions):
+    blur = float(np.median([m.blur.max() for m in motions]))
+    if blur > SHARP * WIDTH:
         return windows_of(balances)
-    return windows_of(balances, max(_blur(motions) / SHARP, SHORTEST), reversals=True)
-
-
-def is_blurred(motions: Sequence[Motion]) -> bool:
-    """Whether the smoother blurs the motions too much for shorter windows."""
-    return _blur(motions) > SHARP * WIDTH
-
-
-def _blur(motions: Sequence[Motion]) -> float:
-    return float(np.median([m.blur.max() for m in motions]))
+    return windows_of(balances, max(blur / SHARP, SHORTEST), reversals=True)

@@ -13,7 +13,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.fitting.one_step.balances import Rows
 
-from .regression import block_numbers, friction_columns, row_rms
+from .regression import block_numbers, friction_columns, row_rms, unit_columns
 
 # Prior standard deviation of the mechanism's parameters where they are a nuisance, as a share.
 PARAMETER_PRIOR = 0.3
@@ -94,8 +94,7 @@ class Nuisance(NamedTuple):
         weight = 1.0 / np.sqrt(np.where(level > 0, level, 1.0)) / MODEL
         A = self.columns.copy()
         A[:N] *= np.broadcast_to(weight, moving.shape)[moving][:, None]
-        size = np.sqrt((A**2).sum(0))
-        U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
+        U, s, _ = np.linalg.svd(unit_columns(A)[0], full_matrices=False)
         return PartialRegression(moving, weight, U[:, s > 1e-9 * s[0]], self.block, self.priors)
 
 
@@ -119,7 +118,7 @@ def nuisance_of(
         columns = np.concatenate([columns, changes], axis=-1)
     P = columns.shape[-1]
     columns = np.concatenate([columns[moving], np.eye(P)[P - priors :]])
-    block = np.broadcast_to(block_numbers(rows)[:, None], moving.shape)[moving]
+    block = block_numbers(rows)
     block = np.append(block, block.max() + 1 + np.arange(priors)) if priors else block
     level = sum(row_rms(x[..., 0], moving) ** 2 for x in (terms.inertia, terms.gravity))
     return Nuisance(moving, columns, np.asarray(level), block, priors)

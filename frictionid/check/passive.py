@@ -42,7 +42,7 @@ def passive_phases(recording: Recording, motion: Motion) -> list[slice]:
 def passive_time(measured: Measured) -> float:
     """Time [s] without torque in which something moves."""
     total = 0.0
-    for recording, motion in zip(measured.dataset.recordings, measured.motions, strict=True):
+    for recording, motion in measured.pairs:
         for phase in passive_phases(recording, motion):
             moving = (np.abs(motion.states.w[phase]) > measured.speeds.threshold).any(1)
             total += float((np.gradient(motion.states.time[phase]) * moving).sum())
@@ -69,9 +69,7 @@ def energy_rises(measured: Measured) -> list[Rise]:
     out: list[Rise] = []
     if measured.mechanism.floating:
         return out
-    for p, recording, motion in zip(
-        measured.nominal, measured.dataset.recordings, measured.motions, strict=True
-    ):
+    for p, (recording, motion) in zip(measured.nominal, measured.pairs, strict=True):
         for phase in passive_phases(recording, motion):
             share = energy_rise(measured.mechanism, p, motion, phase)
             if share is not None:
@@ -79,24 +77,19 @@ def energy_rises(measured: Measured) -> list[Rise]:
     return out
 
 
-def energy_answer(measured: Measured) -> Answer:
-    """Whether energy falls without input."""
+def energy_test(measured: Measured) -> tuple[Answer, Finding | None]:
+    """Whether energy falls without input, and a finding where it rises."""
     rises = energy_rises(measured)
     if not rises:
-        return None, "no passive phase in which the energy exceeds its noise"
-    share = max(rises).share
+        return (None, "no passive phase in which the energy exceeds its noise"), None
+    worst = max(rises)
+    share = worst.share
     words = f"rises by at most {percent(share)} of its range, {len(rises)} passive phases"
-    if CLEAR < share <= RISE:
-        return None, f"{words}: too much for a yes, too little for a wrong sign or unit"
-    return share <= RISE, words
-
-
-def energy_findings(measured: Measured) -> Iterator[Finding]:
-    """A finding where the nominal mechanism's energy rises in passive phases."""
-    worst = max(energy_rises(measured), default=Rise(0.0, "", 0.0))
-    if worst.share > RISE:
-        words = {"recording": worst.recording, "start": worst.start}
-        yield finding("energy", {"rise": worst.share}, words)
+    if share > RISE:
+        return (False, words), finding("energy", {"rise": share}, worst._asdict())
+    if share > CLEAR:
+        words = f"{words}: too much for a yes, too little for a wrong sign or unit"
+    return (None if share > CLEAR else True, words), None
 
 
 def energy_rise(mechanism: Mechanism, p: Array, motion: Motion, phase: slice) -> float | None:
@@ -116,63 +109,39 @@ def energy_rise(mechanism: Mechanism, p: Array, motion: Motion, phase: slice) ->
     return max(rise - 4.0 * noise, 0.0) / span
 
 
-class RestLoad(NamedTuple):
-    """Load [N m] of a joint at rest: what 90 % of the windows stay below, and what it may be.
+def rest_tests(
+    tests: HypothesisTests, estimate: Estimate
+) -> Iterator[tuple[Answer, Finding | None]]:
+    """Whether each joint's friction can hold the loads under which it rests, a finding where not.
 
-    possible : the load if torque and gravity added up, which the band must exceed to say anything
+    The load [N m] is what 90 % of the windows in which all joints rest stay below; if torque and
+    gravity added up, it must exceed the band of friction to say anything.
     """
-
-    joint: int
-    level: float
-    high: float
-    band: float
-    possible: float
-
-
-def rest_answers(tests: HypothesisTests, estimate: Estimate) -> list[Answer]:
-    """Whether each joint's friction can hold the loads under which it rests."""
-    out: list[Answer] = []
-    for load in _rest_loads(tests, estimate):
-        if isinstance(load, str):
-            out.append((None, load))
-            continue
-        words = f"|torque - gravity| up to {load.high:.2g}, Coulomb {load.level:.2g}"
-        if load.high <= load.band and load.possible <= load.band:
-            out.append((None, f"no load that friction could not hold: {words}"))
-        else:
-            out.append((load.high <= load.band, words))
-    return out
-
-
-def rest_findings(tests: HypothesisTests, estimate: Estimate) -> Iterator[Finding]:
-    """Findings of joints that rest under loads which their friction could not hold."""
-    for load in _rest_loads(tests, estimate):
-        if isinstance(load, RestLoad) and load.high > load.band:
-            numbers = {"load": load.high, "band": load.band}
-            yield finding("gravity_at_rest", numbers, {"level": load.level}, load.joint)
-
-
-def _rest_loads(tests: HypothesisTests, estimate: Estimate) -> list[RestLoad | str]:
-    """Load of each joint over the windows in which all rest, or why there is none to test."""
     nominal = tests.rows.at(tests.measured.nominal)
     gravity, torque = nominal.gravity[..., 0], tests.rows.means(tests.measured.torque)
     still, top = _still(tests, nominal.inertia[..., 0], gravity), np.abs(gravity).max(0)
-    out: list[RestLoad | str] = []
     for j in range(tests.measured.mechanism.n):
         level, error = estimate.at(f"coulomb_{j + 1}")
         push, weight = torque[still, j], gravity[still, j]
         if len(push) < FEWEST:
-            out.append("it hardly rests under load")
-        elif not np.isfinite(error) or level < 4 * error:
-            out.append("its Coulomb friction is not known well enough")
+            yield (None, "it hardly rests under load"), None
+            continue
+        if not np.isfinite(error) or level < 4 * error:
+            yield (None, "its Coulomb friction is not known well enough"), None
+            continue
+        load, possible = (
+            float(np.quantile(sizes, 0.9))
+            for sizes in (np.abs(push - weight), np.abs(push) + np.abs(weight))
+        )
+        band = BAND * (level + 2 * error) + 0.02 * float(top[j])
+        words = f"|torque - gravity| up to {load:.2g}, Coulomb {level:.2g}"
+        if load > band:
+            numbers = {"load": load, "band": band}
+            yield (False, words), finding("gravity_at_rest", numbers, {"level": level}, j + 1)
+        elif possible > band:
+            yield (True, words), None
         else:
-            high, possible = (
-                float(np.quantile(load, 0.9))
-                for load in (np.abs(push - weight), np.abs(push) + np.abs(weight))
-            )
-            band = BAND * (level + 2 * error) + 0.02 * float(top[j])
-            out.append(RestLoad(j + 1, level, high, band, possible))
-    return out
+            yield (None, f"no load that friction could not hold: {words}"), None
 
 
 def _still(tests: HypothesisTests, inertia: Array, gravity: Array) -> Array:
@@ -198,7 +167,7 @@ GravityShares = Mapping[tuple[str, int], float]
 
 def gravity_findings(measured: Measured, shares: GravityShares) -> Iterator[Finding]:
     """Findings of joints whose torque is a function of the angles, b + sum of gravity terms."""
-    for j in np.flatnonzero(measured.mechanism.driven).tolist():
+    for j in measured.dataset.driven_joints:
         acts = [r.name for r in measured.dataset.recordings if r.torque.value[:, j].any()]
         commands = {name: shares[name, j] for name in acts if (name, j) in shares}
         if not commands:
@@ -258,7 +227,7 @@ def _shares(dataset: Dataset, logs: list[_Log]) -> dict[tuple[str, int], float]:
     ends = np.cumsum([log.q[..., 0].size for log in logs])[:-1]
     out = {}
     for log, terms in zip(logs, np.split(gravity, ends), strict=True):
-        for j in np.flatnonzero(mechanism.driven).tolist():
+        for j in dataset.driven_joints:
             # a controller computes from the sample before or from this one
             share = _share(log.torque[:, j], np.split(terms[:, j], 2))
             if share is not None:

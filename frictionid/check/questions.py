@@ -16,7 +16,7 @@ from .facts import JointFacts
 from .findings import Finding, finding, percent, percent_unexplained
 from .hypothesis_tests import UNUSABLE_DELAY, HypothesisTests
 from .motion import MIN_WINDOWS, Measured, sliding_speeds
-from .passive import energy_answer, rest_answers
+from .passive import energy_test, rest_tests
 from .regression import Estimate, row_rms
 from .torque_source import TorqueSource
 
@@ -39,12 +39,13 @@ def questions(
     first = _measured(tests, sources)
     if not tests.done:
         return first
-    rest = rest_answers(tests, estimate)
+    energy, _ = energy_test(tests.measured)
+    rest = [answer for answer, _ in rest_tests(tests, estimate)]
     return [
         *first,
         _conventions(tests.conventions),
         *_signs(tests),
-        Question("energy falls without input", *energy_answer(tests.measured)),
+        Question("energy falls without input", *energy),
         *(Question(f"gravity at rest, joint {j}", *a) for j, a in enumerate(rest, start=1)),
     ]
 

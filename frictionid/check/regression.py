@@ -86,13 +86,13 @@ def regress(rows: Rows, torque: Array, mechanism: Mechanism, nominal: Array) -> 
     parameters that do not appear (gravity of a horizontal axis), friction of a joint that hardly
     slides and, where no torque acts, the largest base parameter, because only ratios show then.
     """
-    reference = np.asarray(nominal, float)[0]
+    reference = nominal[0]
     names = (*mechanism.base_names, *friction_names(mechanism))
     X = np.concatenate([rows.regressor, friction_columns(rows, FRICTION)], axis=-1)
     size, estimable = _sizes(rows, torque, reference), _estimable(X, rows, torque, reference)
     value = np.where(estimable, 0.0, np.append(reference, np.zeros(len(names) - len(reference))))
     at = np.flatnonzero(estimable)
-    y = torque - rows.required(np.asarray(nominal, float) - reference) - X @ value
+    y = torque - rows.required(nominal - reference) - X @ value
     covariance = np.full((len(names), len(names)), np.nan)
     error = np.full(len(names), np.inf)
     unidentifiable: tuple[tuple[tuple[str, float], ...], ...] = ()
@@ -159,7 +159,7 @@ def friction_columns(rows: Rows, shapes: Sequence[str] = SHAPE_NAMES) -> Array:
 def friction_names(mechanism: Mechanism) -> tuple[str, ...]:
     """Names of the friction parameters: of joints by their numbers, of coupled parts by name."""
     joints = [f"{shape}_{j + 1}" for j in range(mechanism.n) for shape in FRICTION]
-    parts = [f"{s}_{name}" for name, _ in mechanism.coupled for s in FRICTION if s in PART_SHAPES]
+    parts = [f"{shape}_{name}" for name, _ in mechanism.coupled for shape in FRICTION[:2]]
     return (*joints, *parts)
 
 
@@ -185,19 +185,20 @@ def _estimable(X: Array, rows: Rows, torque: Array, reference: Array) -> Array:
     out: Array = np.any(np.abs(X[rows.moving]) > 1e-12, axis=0)
     slides = np.repeat(rows.moving.sum(0) >= 10, len(FRICTION))
     out[len(reference) : len(reference) + len(slides)] &= slides
-    if not np.abs(torque).any():
+    if not torque.any():
         terms = (rows.regressor[rows.moving] * reference) ** 2
         out[int(np.argmax(terms.sum(0)))] = False
     return out
 
 
 def block_numbers(rows: Rows) -> Array:
-    """Number of the block of correlated errors that each row belongs to, (K,)."""
-    if len(np.unique(rows.recording)) >= MANY:
-        return rows.recording
-    block = np.floor(rows.start / BLOCK).astype(int)
-    key = rows.recording * (int(block.max()) + 1) + (block - block.min())
-    return np.unique(key, return_inverse=True)[1]
+    """Number of the block of correlated errors of each balance that counts, (N,)."""
+    number = rows.recording
+    if len(np.unique(number)) < MANY:
+        block = np.floor(rows.start / BLOCK).astype(int)
+        key = number * (int(block.max()) + 1) + (block - block.min())
+        number = np.unique(key, return_inverse=True)[1]
+    return np.broadcast_to(number[:, None], rows.moving.shape)[rows.moving]
 
 
 def sandwich(X: Array, residual: Array, block: Array, inverse: Array) -> Array:
@@ -245,7 +246,6 @@ class _Equations(NamedTuple):
         """Least squares in which each joint is weighted by its own residual, in three rounds."""
         X, y, rows, size = self
         moving = rows.moving
-        block = np.broadcast_to(block_numbers(rows)[:, None], moving.shape)[moving]
         joint = np.broadcast_to(np.arange(moving.shape[1]), moving.shape)[moving]
         A, b = X[moving] * size, y[moving]
         spread = row_rms((np.abs(X) * size).max(-1), moving)
@@ -260,7 +260,7 @@ class _Equations(NamedTuple):
             full[moving] = residual
             spread = row_rms(full, moving)
         inverse = (V[kept].T / s[kept] ** 2) @ V[kept]
-        covariance = sandwich(weighted, residual * weight, block, inverse)
+        covariance = sandwich(weighted, residual * weight, block_numbers(rows), inverse)
         variance, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
         directions = np.concatenate([V[~kept], vectors.T[variance > UNIDENTIFIABLE**2]])
         return _Solved(x * size, covariance * np.outer(size, size), directions)
@@ -274,15 +274,25 @@ def _sizes(rows: Rows, torque: Array, base: Array) -> Array:
     fast = np.maximum(np.abs(rows.w).max(0, initial=0.0), 1e-12)
     friction = np.stack([level, level / fast, level], axis=-1) * 0.2
     # a coupled part: as the joints on which it acts
-    turns = np.abs(rows.coupled[..., [PART_SHAPES.index(s) for s in FRICTION if s in PART_SHAPES]])
+    turns = np.abs(rows.coupled[..., :2])  # Coulomb and viscous, as `FRICTION` begins
     parts = 0.2 * level.max() / np.maximum(turns.max((0, 1), initial=0.0), 1e-12)
     small = 1e-3 * np.abs(base).max()
     # a nominal zero (no gravity) counts by the torque that it would make
     column = np.abs(np.where(rows.moving[..., None], rows.regressor, 0.0)).max((0, 1), initial=0.0)
-    sizes = np.where(
-        base == 0.0, 0.2 * level.max() / np.where(column > 0, column, 1.0), np.abs(base)
-    )
-    return np.concatenate([np.maximum(sizes, small), friction.ravel(), parts.ravel()])
+    alone = 0.2 * level.max() / np.where(column > 0, column, 1.0)
+    sizes = np.maximum(np.where(base == 0.0, alone, np.abs(base)), small)
+    return np.concatenate([sizes, friction.ravel(), parts.ravel()])
+
+
+def unit_columns(columns: Array) -> tuple[Array, Array]:
+    """Columns (N, P) of unit size, those of zeros as they are, and what they were divided by (P,).
+
+    >>> unit_columns(np.array([[3.0, 0.0], [4.0, 0.0]]))[1]
+    array([5., 1.])
+    """
+    size = np.sqrt((columns**2).sum(axis=0))
+    size = np.where(size > 0, size, 1.0)
+    return columns / size, size
 
 
 def row_rms(values: Array, moving: Array) -> Array:

@@ -16,9 +16,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.clock_facts import usual_intervals
-from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, sample
-from frictionid.data.state_estimators import resolution
+from frictionid.data.state_estimators import States, resolution
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.fitting.one_step.torque_outliers import torque_outliers, with_torques_replaced
 from frictionid.fitting.shooting.data_checks import wraps
@@ -112,7 +112,7 @@ def _frozen_angles(number: int, angle: Signal, motion: Motion, usual: Array) -> 
     """Frozen angles of one recording; usual (n,) : largest usual second difference [rad]."""
     out = []
     for still in _equal_readings(number, angle, ANGLE):
-        column = np.asarray(angle.value)[:, still.joint]
+        column = angle.value[:, still.joint]
         # what goes by in a gap of the stamps is no leap
         interval = np.diff(angle.time)
         step = np.diff(column) / np.maximum(interval / usual_intervals(interval), 1.0)
@@ -153,8 +153,8 @@ def frozen_torques(measured: Measured) -> list[Frozen]:
 
 def _equal_readings(number: int, signal: Signal, least: float) -> list[Frozen]:
     """Equal readings of a recording, `least` [s] and READINGS samples long."""
-    time, out = np.asarray(signal.time), []
-    for j, column in enumerate(np.asarray(signal.value).T):
+    time, out = signal.time, []
+    for j, column in enumerate(signal.value.T):
         changes = np.flatnonzero(np.diff(column) != 0.0)
         first, last = np.append(0, changes + 1), np.append(changes, len(column) - 1)
         long = (last - first + 1 >= READINGS) & (time[last] - time[first] >= least)
@@ -188,8 +188,8 @@ def _contradicted(intervals: Sequence[Frozen], rows: Rows, friction: Array, leve
     return (end > begin) & worse & testable & (elsewhere < FITS * level)
 
 
-def _places(intervals: Sequence[Frozen], rows: Rows) -> tuple[Array, Array, Array, Array]:
-    """Slices of rows (I,): first to last overlap an interval, begin to end lie within it."""
+def _places(intervals: Sequence[Frozen], rows: Rows) -> Array:
+    """Slices of rows (4, I): first to last overlap an interval, begin to end lie within it."""
     places = []
     for i in intervals:
         here = slice(*np.searchsorted(rows.recording, [i.recording, i.recording + 1]))
@@ -197,8 +197,7 @@ def _places(intervals: Sequence[Frozen], rows: Rows) -> tuple[Array, Array, Arra
         first, end = (np.searchsorted(stop, t, side="right") for t in (i.start, i.stop))
         begin, last = (np.searchsorted(start, t, side="left") for t in (i.start, i.stop))
         places.append(here.start + np.array([first, max(last, first), begin, max(end, begin)]))
-    first, last, begin, end = np.array(places).T
-    return first, last, begin, end
+    return np.array(places).T
 
 
 def _fitted(products: Array) -> Array:
@@ -263,10 +262,8 @@ def without_outliers(measured: Measured) -> tuple[Measured, list[Finding]]:
 
 
 def _outlier_findings(quantity: str, masks: Sequence[Array], dataset: Dataset) -> Iterator[Finding]:
-    size, counts = (
-        np.array([len(mask) for mask in masks]),
-        np.array([mask.sum(0) for mask in masks]),
-    )
+    size = np.array([len(mask) for mask in masks])
+    counts = np.array([mask.sum(0) for mask in masks])
     names = [recording.name for recording in dataset.recordings]
     for j, count in enumerate(np.where(counts >= _SOME * size[:, None], counts, 0).T):
         if not count.any():
@@ -347,16 +344,16 @@ def coarse_velocities(dataset: Dataset) -> Iterator[Finding]:
 def _lag(measured: Measured, j: int) -> Lag | None:
     """Least squares of the measured velocity on the delayed smoothed one, all recordings."""
     pairs = [
-        (recording, motion)
-        for recording, motion in zip(measured.dataset.recordings, measured.motions, strict=True)
+        (recording.velocity, motion.states)
+        for recording, motion in measured.pairs
         if recording.velocity is not None and np.ptp(motion.states.time) > 4 * WIDEST
     ]
     if not pairs or not np.isfinite(measured.speeds.threshold[j]):
         return None
     lags = np.arange(-WIDEST, WIDEST + STEP / 2, STEP)
     sums = np.zeros((len(lags), 3))
-    for recording, motion in pairs:
-        sums += _products(recording, motion, j, lags)
+    for velocity, states in pairs:
+        sums += _products(velocity, states, j, lags)
     vv, vw, ww = sums.T
     if not (vv > 0).all() or not (ww > 0).all():
         return None
@@ -368,19 +365,18 @@ def _lag(measured: Measured, j: int) -> Lag | None:
     curve = max(left[best - 1] - 2 * left[best] + left[best + 1], 1e-300)
     shift = 0.5 * (left[best - 1] - left[best + 1]) / curve
     # a fifth of a second of samples agree with each other
-    free = sum(float(np.ptp(motion.states.time)) for _, motion in pairs) / 0.2
+    free = sum(float(np.ptp(states.time)) for _, states in pairs) / 0.2
     error = STEP * np.sqrt(2 * max(float(left[best]), 1e-12) / curve / max(free, 1.0))
     return Lag(float(lags[best] + STEP * shift), float(error), size, unlike)
 
 
-def _products(recording: Recording, motion: Motion, j: int, lags: Array) -> Array:
+def _products(velocity: Signal, states: States, j: int, lags: Array) -> Array:
     """Sums (D, 3) of v v, v w and w w with w delayed by each lag."""
-    assert recording.velocity is not None
-    time = np.asarray(motion.states.time)
+    time = states.time
     inside = time[(time > time[0] + WIDEST) & (time < time[-1] - WIDEST)]
-    v = sample(recording.velocity, inside)[:, j]
+    v = sample(velocity, inside)[:, j]
     out = np.empty((len(lags), 3))
     for i, lag in enumerate(lags):
-        w = np.interp(inside - lag, time, motion.states.w[:, j])
+        w = np.interp(inside - lag, time, states.w[:, j])
         out[i] = v @ v, v @ w, w @ w
     return out

@@ -45,7 +45,8 @@ def with_late_targets(dataset: Dataset, motions: Sequence[Motion]) -> tuple[Data
     rows = adapted(measured.balances, measured.motions)
     if rows.moving.any(1).sum() < MIN_WINDOWS:
         return dataset, []
-    fit = _Fit(dataset, motions, rows, measured.nominal)
+    nuisance = nuisance_of(rows, measured.nominal, uncertain_mechanism=True)
+    fit = _Fit(dataset, motions, rows, rows.required(measured.nominal), nuisance)
     # with one gain set backlash would pass for Coulomb friction
     several = len(_gain_sets(servos)) > 1 and dataset.mechanism.position_units == ("rad",)
     first = fit.at(0.0, np.arange(0.0, _LATEST, _COARSE))
@@ -74,12 +75,16 @@ class _Late(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """The balances of a data set as functions of late targets and backlash."""
+    """The balances of a data set as functions of late targets and backlash.
+
+    required (K, n) [N m] : what the nominal mechanism needs ; nuisance : what may be unknown
+    """
 
     dataset: Dataset
     motions: Sequence[Motion]
     rows: Rows
-    nominal: Array
+    required: Array
+    nuisance: Nuisance
 
     def at(self, play: float, lags: Array) -> _Late:
         """The best delay at a backlash, near one of some (D,) [s]."""
@@ -89,12 +94,12 @@ class _Fit:
 
         best = float(lags[np.argmin([self.left(late, play) for late in lags])])
         steps = _STEP, _COARSE, 2
-        best, step = refined_delay(self._nuisance, self._required, means, best, steps)
+        best, step = refined_delay(self.nuisance, self.required, means, best, steps)
         return _Late(best, step.error, play, self.left(best, play))
 
     def left(self, late: float, play: float) -> float:
         """Sum of squares of the balances, of one weight for all delays."""
-        residual = self._plain.residual(self._means(late, play) - self._required)
+        residual = self._plain.residual(self._means(late, play) - self.required)
         return float((residual**2).sum())
 
     def torques(self, late: float, play: float) -> list[Signal]:
@@ -111,16 +116,8 @@ class _Fit:
         return self.rows.means(integrals_of(self.torques(late, play)))
 
     @cached_property
-    def _required(self) -> Array:
-        return self.rows.required(self.nominal)
-
-    @cached_property
-    def _nuisance(self) -> Nuisance:
-        return nuisance_of(self.rows, self.nominal, uncertain_mechanism=True)
-
-    @cached_property
     def _plain(self) -> PartialRegression:
-        return self._nuisance.beside(self._means(0.0, 0.0))
+        return self.nuisance.beside(self._means(0.0, 0.0))
 
 
 def servo_findings(dataset: Dataset) -> Iterator[Finding]:
@@ -179,8 +176,8 @@ def _fastest(dataset: Dataset) -> float:
     for k, r in enumerate(dataset.recordings):
         if r.servo is None:
             continue
-        time, q = r.angle.time, np.asarray(r.angle.value)
-        M = np.asarray(plant.mechanism.inertia(np.asarray(plant.p)[k], q))
+        time, q = r.angle.time, r.angle.value
+        M = plant.mechanism.inertia(plant.p[k], q)
         B = r.servo.at(time).linear(q, 0.0 * q).feedback[:, 1]
         rate = B / np.diagonal(M, axis1=-2, axis2=-1)
         most = max(most, float(np.median(rate, axis=0).max() * np.median(np.diff(time))))

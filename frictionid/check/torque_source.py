@@ -16,12 +16,12 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import resolution
 
-from .facts import noise_of, repeated, unexplained_noise
+from .facts import noise_of, unexplained_noise
 from .findings import Finding, finding, percent
 from .hypothesis_tests import HypothesisTests, sampling_findings
 from .motion import DISTINCT
 from .passive import GravityShares, gravity_shares
-from .regression import Estimate, Regression, row_rms
+from .regression import Estimate, Regression, row_rms, unit_columns
 
 Source = Literal["measured", "commanded", "modelled", "cannot tell"]
 
@@ -84,10 +84,9 @@ def torque_sources(
     commanded
     measured
     """
-    mechanism = dataset.mechanism
     commanded = gravity_shares(dataset) if commanded is None else commanded
     out = []
-    for j in np.flatnonzero(mechanism.driven).tolist():
+    for j in dataset.driven_joints:
         if dataset.torque_at == "command":
             names = tuple(r.name for r in dataset.recordings if r.torque.value[:, j].any())
             declared = 'it is declared so (torque.at = "command")'
@@ -155,12 +154,12 @@ def _evidence(recording: Recording, j: int, share: float | None) -> Evidence | N
 
 def _by_noise(angle: Signal, time: Array, value: Array, level: float) -> Iterator[Evidence]:
     """Evidence of steps and noise, the clearest first."""
-    step, held = resolution(value, DISTINCT), repeated(value)
+    step, changes = resolution(value, DISTINCT), np.append(True, np.diff(value) != 0.0)
+    held = np.mean(~changes[1:])  # share of the readings that equal the one before
     if step > COARSE * level:
         yield _of_steps(time, value, level, step)
     if held == 1.0:
         yield "cannot tell", "it never changes"
-    changes = np.append(True, np.diff(value) != 0.0)
     if held > HELD:
         usual = np.median(np.diff(np.flatnonzero(changes)))
         yield "commanded", f"it is held for {usual:.0f} samples at a time, without noise"
@@ -225,8 +224,7 @@ def _modelled(recording: Recording, time: Array, value: Array) -> Evidence | Non
 def _left(columns: Array, value: Array) -> float:
     """Share of a torque that least squares on some columns leave, in most samples."""
     level = float(np.sqrt(np.mean(value**2)))
-    size = np.sqrt((columns**2).sum(0))
-    columns = columns / np.where(size > 0, size, 1.0)
+    columns, _ = unit_columns(columns)
     left = value - columns @ np.linalg.lstsq(columns, value, rcond=1e-10)[0]
     return float(np.quantile(np.abs(left), 0.8)) / level
 

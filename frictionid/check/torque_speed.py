@@ -52,23 +52,18 @@ class _Samples(NamedTuple):
     stretch: Array
     sigma: float
 
-    def every(self, most: int) -> "_Samples":
-        """At most so many of them."""
-        step = max(len(self.w) // most, 1)
-        return self._replace(**{k: getattr(self, k)[::step] for k in ("torque", "w", "stretch")})
-
 
 def torque_speeds(dataset: Dataset, motion: Sequence[States]) -> Iterator[Reached]:
     """What of its envelope each motor's measured torque reaches."""
-    for j in map(int, np.flatnonzero(dataset.mechanism.driven)):
+    for j in dataset.driven_joints:
         if (samples := _samples(dataset, motion, j)) is None:
             continue
         speed = np.abs(samples.w)
         fastest = float(np.quantile(speed, 0.99))
         most, at = np.argmax(samples.torque), np.argmax(speed)
-        peak, knee, no_load = _edge(samples, fastest) if fastest else (None, None, None)
+        parts = _edge(samples, fastest) if fastest else (None, None, None)
         limits = samples.torque[most], speed[most], speed[at], samples.torque[at]
-        yield Reached(j + 1, peak, knee, no_load, *map(float, limits))
+        yield Reached(j + 1, *parts, *map(float, limits))
 
 
 def limit_findings(
@@ -81,14 +76,14 @@ def limit_findings(
     for reached in measured:
         if reached.is_reached:
             yield finding("torque_speed", {}, {"sentence": reached.sentence}, reached.joint)
-    pairs = [(r, s) for r, s in zip(dataset.recordings, motion, strict=True) if r.servo is not None]
-    for j in map(int, np.flatnonzero(dataset.mechanism.driven)):
-        shares = [share for r, s in pairs if (share := _share(r, s)) is not None]
-        share = np.concatenate(shares)[:, j] if shares else np.zeros(0)
+    pairs = zip(dataset.recordings, motion, strict=True)
+    shares = [share for r, s in pairs if (share := _share(r, s)) is not None]
+    for j in dataset.driven_joints if shares else ():
+        share = np.concatenate(shares)[:, j]
         if share.any():  # a motor that is never on says nothing
             code = "motor_limit" if (share >= _AT_LIMIT).any() else "motor_below_limit"
             numbers = {"at": float((share >= _AT_LIMIT).mean()), "most": float(share.max())}
-            yield finding(code, numbers, {}, j + 1)
+            yield finding(code, numbers, joint=j + 1)
 
 
 def _share(recording: Recording, states: States) -> Array | None:
@@ -96,16 +91,16 @@ def _share(recording: Recording, states: States) -> Array | None:
     servo = recording.servo
     if servo is None or (motor := servo.torque_speed) is None:
         return None
-    u = np.asarray(recording.torque.value)
+    u = recording.torque.value
     w = sample(Signal(states.time, states.w, "linear"), recording.torque.time)
-    most = np.maximum(motor.top(np.sign(u) * w), _NOISE * np.asarray(motor.peak))
+    most = np.maximum(motor.top(np.sign(u) * w), _NOISE * motor.peak)
     return np.abs(u) / most
 
 
 def _samples(dataset: Dataset, motion: Sequence[States], j: int) -> _Samples | None:
     torque, w, stretch, noise, count = [], [], [], [], 0
     for recording, states in zip(dataset.recordings, motion, strict=True):
-        clock, u = recording.torque.time, np.asarray(recording.torque.value)[:, j]
+        clock, u = recording.torque.time, recording.torque.value[:, j]
         inside = (clock >= states.time[0]) & (clock <= states.time[-1])
         if recording.servo is not None or inside.sum() < _LENGTH or not u.any():
             continue
@@ -126,9 +121,10 @@ def _samples(dataset: Dataset, motion: Sequence[States], j: int) -> _Samples | N
 
 def _edge(samples: _Samples, fastest: float) -> Parts:
     """Peak, knee and no-load speed, None where they are not reached."""
-    few, top = samples.every(_FEW), np.quantile(samples.torque, 0.999)
+    step, top = max(len(samples.w) // _FEW, 1), np.quantile(samples.torque, 0.999)
     if not top > 0:
         return None, None, None
+    few = samples._replace(torque=samples.torque[::step], w=samples.w[::step])
     edge = _likeliest(few, top - np.array([0.0, 1.0, 3.0]) * samples.sigma, fastest)
     for _ in range(_ROUNDS):
         edge = _nearer(samples, edge)
@@ -180,29 +176,28 @@ def _estimated(samples: _Samples, edge: Envelope, fastest: float) -> Parts:
     falls, moves = samples.w > edge.knee, np.abs(samples.w) > _MOVES * fastest
     level = _piled(samples, d, moves & ~falls, fastest)
     fall = _piled(samples, d, moves & falls & (samples.torque > 3 * samples.sigma), fastest)
-    peak = line = None
+    top = None
     if level is not None:
-        peak = _regression(samples.torque[level], np.ones((level.sum(), 1)), samples.stretch[level])
-    if fall is not None:
-        columns = np.stack([np.ones(fall.sum()), -samples.w[fall]], axis=1)
-        line = _regression(samples.torque[fall], columns, samples.stretch[fall])
-    top = (
-        None
-        if peak is None
-        else Estimated(float(peak[0][0]), peak[2] * float(peak[1][0, 0]) ** 0.5)
-    )
-    if line is None:
+        (peak,), C, reach = _regression(samples, level, np.ones((level.sum(), 1)))
+        top = Estimated(float(peak), reach * float(np.sqrt(C[0, 0])))
+    if fall is None:
         return top, None, None
-    (stall, slope), C, reach = line
+    columns = np.stack([np.ones(fall.sum()), -samples.w[fall]], axis=1)
+    (stall, slope), C, reach = _regression(samples, fall, columns)
     if slope <= reach * C[1, 1] ** 0.5 or not 0 < stall < _FAR * fastest * slope:
         return top, None, None  # samples that stand at one level
-    no_load, by = stall / slope, np.array([1.0, -stall / slope]) / slope
-    end = Estimated(float(no_load), reach * float(np.sqrt(by @ C @ by)))
-    if peak is None or top is None:
-        return None, None, end
-    knee, by = (stall - top.value) / slope, np.array([1.0, -(stall - top.value) / slope]) / slope
-    error = np.hypot(reach * np.sqrt(by @ C @ by), top.half_width / slope)
-    return top, Estimated(float(knee), float(error)), end
+
+    def speed_at(torque: float) -> Estimated:
+        """Speed at which the fall is at a torque."""
+        speed = (stall - torque) / slope
+        by = np.array([1.0, -speed]) / slope
+        return Estimated(float(speed), float(reach * np.sqrt(by @ C @ by)))
+
+    if top is None:
+        return None, None, speed_at(0.0)
+    knee = speed_at(top.value)
+    error = float(np.hypot(knee.half_width, top.half_width / slope))
+    return top, knee._replace(half_width=error), speed_at(0.0)
 
 
 def _piled(samples: _Samples, d: Array, part: Array, fastest: float) -> Array | None:
@@ -221,17 +216,18 @@ def _piled(samples: _Samples, d: Array, part: Array, fastest: float) -> Array | 
     return keep
 
 
-def _regression(y: Array, X: Array, stretch: Array) -> tuple[Array, Array, float]:
-    """Least squares (P,), covariance (P, P) between stretches, and the quantile of 95 %."""
+def _regression(samples: _Samples, part: Array, X: Array) -> tuple[Array, Array, float]:
+    """Least squares (P,), covariance (P, P) between stretches, and the quantile of 95 %.
+
+    Of the torques of some samples, a mask (S,), on columns X (K, P).
+    """
+    y = samples.torque[part]
     inverse = np.linalg.inv(X.T @ X)
     x = inverse @ X.T @ y
-    _, number = np.unique(stretch, return_inverse=True)
+    _, number = np.unique(samples.stretch[part], return_inverse=True)
     count = int(number.max()) + 1
     scores = np.zeros((count, X.shape[1]))
     np.add.at(scores, number, X * (y - X @ x)[:, None])
     freedom = max(count - X.shape[1], 1)
-    return (
-        x,
-        count / freedom * inverse @ (scores.T @ scores) @ inverse,
-        float(stdtrit(freedom, 0.975)),
-    )
+    C = count / freedom * inverse @ (scores.T @ scores) @ inverse
+    return x, C, float(stdtrit(freedom, 0.975))

@@ -14,8 +14,8 @@ from .findings import LEVELS, Finding
 from .hypothesis_tests import Delay, HypothesisTests, run_tests, sampling_findings, untested
 from .log_faults import dead_torques, in_seconds, log_findings
 from .model_errors import ModelError
-from .motion import Measured, Motion, adapted, is_blurred, motions_of
-from .passive import energy_findings, gravity_findings, gravity_shares, passive_time, rest_findings
+from .motion import Measured, Motion, adapted, motions_of
+from .passive import energy_test, gravity_findings, gravity_shares, passive_time, rest_tests
 from .questions import Identifiable, Question, advice, identifiable, questions, still_joints
 from .regression import Estimate, Regression, regress, widened
 from .sensors import (
@@ -189,17 +189,16 @@ def _of_tests(
     """Errors of the tests, and where none explains them already, of passivity; of torques."""
     yield from tests.findings
     if tests.done and not tests.findings:
-        yield from energy_findings(tests.measured)
-        yield from rest_findings(tests, estimate)
+        passivity = [energy_test(tests.measured), *rest_tests(tests, estimate)]
+        yield from (wrong for _, wrong in passivity if wrong is not None)
     yield from place_findings(tests, estimate)
     yield from unmeasured_findings(sources, tests, regression, estimate)
 
 
 def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
-    measured, rows = tests.measured, tests.rows
+    measured = tests.measured
     mechanism, nominal = measured.mechanism, measured.nominal
-    if not is_blurred(measured.motions):
-        rows = adapted(measured.balances, measured.motions).without(measured.dead)
+    rows = adapted(measured.balances, measured.motions).without(measured.dead)
     torque = rows.means(measured.torque, tests.shift)
     estimate = regress(rows, torque, mechanism, nominal)
     if tests.longer is not None:

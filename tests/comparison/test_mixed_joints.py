@@ -107,7 +107,7 @@ def test_check_finds_nothing_wrong_and_names_units_that_are():
 
 
 def test_wrong_units_are_asked_for_each_kind_of_joint():
-    by_kind = {c.kind: c.angle for c in hypotheses(2, (True, False), ("m", "rad"))}
+    by_kind = {c.kind: c.angle for c in hypotheses((True, False), ("m", "rad"))}
     assert_allclose(by_kind["degrees"], np.diag([1.0, np.pi / 180]))
     assert_allclose(by_kind["millimetres"], np.diag([1e-3, 1.0]))
     assert not {"absolute_angle", "swapped_angles"} & set(by_kind)  # metres are no radians
