@@ -24,7 +24,6 @@ from frictionid.data.clock_facts import clock_of
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.signals import Signal
 from frictionid.evaluation import Protocol, prepare
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous
@@ -270,16 +269,6 @@ def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
     ):
         with assert_refused("but joint 1 of acrobot has no motor; leave its col"):
             refuses()
-
-
-def test_a_change_of_the_sampling_rate_is_no_loss_of_samples():
-    """Two logs in one: 100 Hz, then 40 Hz, with three samples lost in each part."""
-    first, second = np.arange(500) * 0.01, 5.0 + np.arange(300) * 0.025
-    t = np.concatenate([np.delete(first, [50, 200, 201]), np.delete(second, [100, 150, 200])])
-    angle = Signal(t, np.sin(t)[:, None])
-    clock = clock_of([angle.time])
-    assert (clock.dropped, clock.gaps) == (6, 0)
-    assert (clock.slowest, clock.fastest) == (pytest.approx(40), pytest.approx(100))
 
 
 def test_energy_of_a_joint_at_rest_is_not_tested():

@@ -107,13 +107,6 @@ def test_units_are_what_they_are_called(tmp_path):
     assert_allclose(recording.velocity.value[:, 0], 2 * np.pi)
 
 
-def test_sigma_is_in_the_unit_of_the_table_and_per_joint(tmp_path):
-    document = described(units={"angle": "deg"}, sigma={"angle": 0.1, "torque": [0.01, 0.02]})
-    recording = load_single(tmp_path, document)
-    assert_allclose(recording.angle.sigma, np.deg2rad([0.1, 0.1]))
-    assert_allclose(recording.torque.sigma, [0.01, 0.02])
-
-
 def test_without_any_motor_the_torque_is_zero_on_the_clock_of_the_angles(tmp_path):
     document = described(
         columns__torque=["", ""], columns__time={"angle": "time", "torque": "there_is_none"}

@@ -151,12 +151,13 @@ def test_the_reader_of_bam_is_the_same_servo(tmp_path):
     log = bam_log()
     path = tmp_path / "a.json"
     path.write_text(json.dumps(log))
-    bam = read_bam(path, MOTOR)
+    bam = read_bam(path, {**MOTOR, "limit": 0.5})
     frame = pd.DataFrame({k: column(log, k) for k in ("timestamp", "position", "goal_position")})
     frame["on"] = column(log, "torque_enable")
     actuator = dict(
         **dict(target="goal_position", output="duty", hold="linear", enabled="on"),
         **dict(P=log["kp"], scale=XL330_GAIN, supply=log["vin"], kt=MOTOR["kt"], R=MOTOR["R"]),
+        limit=0.5,
     )
     own = fid.Dataset.from_frames(
         frame, RIG, time="timestamp", angle="position", actuator=actuator

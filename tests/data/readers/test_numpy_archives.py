@@ -1,18 +1,13 @@
 """NumPy's archives are tables: arrays are columns, and so are those of matrices."""
 
 import io
-from contextlib import suppress
 
 import numpy as np
 import pytest
-from fixtures.damaged_bytes import damaged
 from fixtures.refusals import assert_refused
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from frictionid.data.readers.table import numeric_table, read_table
-from frictionid.errors import InputError
 
 T = np.arange(40)
 LOG = {"t": T, "q": np.stack([T / 2, -T], axis=1), "names": np.array(["a", "b"]), "mass": [1.0]}
@@ -47,10 +42,3 @@ WRONG = {
 def test_what_is_wrong_is_said_in_a_line(content, columns, words):
     with assert_refused(words):
         read_table(content, "a.npz", columns)
-
-
-@given(damaged(archive(**LOG)) | st.binary(max_size=300))
-def test_whatever_chance_brings_is_read_or_refused(content):
-    with suppress(InputError):
-        table = numeric_table(content, "a.npz")
-        assert {column.shape for column in table.columns.values()} == {table.rows.shape}

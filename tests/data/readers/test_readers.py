@@ -79,14 +79,6 @@ def test_cells_and_objects_are_named_where_a_mat_file_has_no_numbers(tmp_path):
 # --- bam -----------------------------------------------------------------------------------------
 
 
-def test_bam_duty_stays_within_its_limit(tmp_path):
-    path = put(tmp_path, "a.json", bam_bytes(kp=1e6, passive=0))
-    settings = {**MOTOR, "limit": 0.5}
-    time, q = column(bam_log(), "timestamp"), column(bam_log(), "position")
-    volts = read_bam(path, settings).torque.value[:, 0] * 4.0 / 0.4 + 0.4 * np.gradient(q, time)
-    assert_allclose(np.abs(volts), 0.5 * 7.4, rtol=1e-9)
-
-
 def test_bam_load_is_a_signed_word_and_mass_and_length_are_the_logs(tmp_path):
     log = bam_log(mass=0.7, length=0.2)
     recording = read_bam(put(tmp_path, "a.json", json.dumps(log).encode()), MOTOR)

@@ -56,17 +56,6 @@ def test_what_excel_saves_is_read_whatever_its_code_page(tmp_path, code):
     assert_array_equal(recording.angle.value[:, 0], ANGLE)
 
 
-def test_motors_of_two_joints_have_constants_of_their_own(tmp_path):
-    document = described(
-        columns={"time": "time", "angle": ["q", "p"], "torque": ["i", "j"]},
-        units={"torque": "mA"},
-        motor={"kt": [0.05, 0.02], "gear": 10.0},
-    )
-    content = b"time,q,p,i,j\n0,0,0,100,200\n0.1,0,0,-100,300\n"
-    recording = load_single(tmp_path, document, a_csv=content)
-    assert_allclose(recording.torque.value, [[0.05, 0.04], [-0.05, 0.06]])
-
-
 def test_columns_that_count_the_other_way_round_are_turned(tmp_path):
     document = described(columns__velocity=["w1", "w2"], sigma__angle=0.1, sigma__torque=0.2)
     (tmp_path / "as_given").mkdir()
