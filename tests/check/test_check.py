@@ -12,6 +12,7 @@ from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
 from fixtures.true_curves import plain_friction
+from fixtures.verdicts import identifiable, kinds, question
 
 from frictionid.check import LEVELS, Finding, check
 from frictionid.check.facts import joints_of
@@ -172,11 +173,11 @@ def test_facts_count_what_was_planted():
 def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
     noisy = drawn(swings, np.random.default_rng(9), count=1)
     frozen = pool.changed(noisy, "torque", lambda u: np.full_like(u, 0.4))
-    assert "frozen_torque" in [f.kind for f in check(frozen).findings]
+    assert "frozen_torque" in kinds(check(frozen))
     runs = (Run("a", (1.5,), (), (Steps(0.4, 60.0),)), Run("b", (-1.8,), (), (Steps(0.4, 60.0),)))
     curve = plain_friction(0.05, 0.02)
     held = simulate(Rig("held", LIGHT, curve, Camera(361, 60.0, 1e-3), runs, substeps=6))
-    assert "frozen_torque" not in [f.kind for f in check(held).findings]
+    assert "frozen_torque" not in kinds(check(held))
 
 
 def test_slow_recordings_without_decay_ask_for_both():
@@ -253,14 +254,14 @@ def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
     verdict = check(simulate(Rig("level", table, curve, camera, tuple(runs), substeps=4)))
     assert verdict.level == "good"
     assert not any("decay" in words or "gravity" in words for words in verdict.next)
-    bodies = next(e for e in verdict.identifiable if e.what == "inertia combinations")
+    bodies = identifiable(verdict, "inertia combinations")
     assert bodies.possible
 
 
 def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
     acrobot = load_dataset(DATA / "acrobot_mass")
     wrong = pool.changed(acrobot, "torque", lambda u: u + np.array([0.2, 0.0]))
-    finding = next(f for f in check(wrong).findings if f.kind == "torque_without_motor")
+    finding = kinds(check(wrong))["torque_without_motor"]
     assert finding.text.startswith("torque 1 is up to 0.2 N m")
     assert finding.level == "unusable"
     for refuses in (
@@ -279,7 +280,7 @@ def test_energy_of_a_joint_at_rest_is_not_tested():
     q = np.where(moves, 0.8 * np.sin(4 * (t - 5)) ** 3, 0.0) + 1e-3 * rng.standard_normal(600)
     u = np.where(t > 4.5, 0.1 + np.sin(4 * (t - 5)) ** 2, 0.0)
     verdict = check(one_recording(t, q, u))
-    energy = next(q for q in verdict.questions if q.question == "energy falls without input")
+    energy = question(verdict, "energy falls without input")
     assert energy.passed is None and "exceeds its noise" in energy.words
 
 

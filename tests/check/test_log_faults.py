@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.changed_data import changed
+from fixtures.changed_data import changed, one_changed
 from fixtures.one_joint_sets import Setup, sets
 
 from frictionid.check import check
@@ -107,25 +107,17 @@ def test_all_of_it_is_in_the_verdict_and_gaps_are_counted():
 
 def test_a_second_run_in_a_table_is_named_where_it_begins_and_a_spike_is_none():
     for data in sets(Setup(), 3, seed=9):
-        recording, *others = data.recordings
-        time, q = recording.angle.time, np.array(recording.angle.value)
+        time, q = data.recordings[0].angle.time, data.recordings[0].angle.value[:, 0]
         half = len(q) // 2
         for later, count in ((slice(half, None), 1), (half, 0)):
-            shifted = q.copy()
-            shifted[later, 0] += 0.5
-            angle = recording.angle._replace(value=shifted)
-            found = list(
-                jumping_angles(replace(data, recordings=(replace(recording, angle=angle), *others)))
-            )
+            found = list(jumping_angles(one_changed(data, "angle", 0, 0, later, q[later] + 0.5)))
             assert [f.joint for f in found] == [1] * count
             for f in found:
                 assert f.numbers["largest"] == pytest.approx(0.5, abs=0.2)
                 assert f.numbers["start"] == time[half - 1]
         assert list(jumping_angles(data)) == []
-        q[: half + 5, 0] = q[half, 0] + 0.5  # a sensor that was frozen
-        angle = recording.angle._replace(value=q)
-        data = replace(data, recordings=(replace(recording, angle=angle), *others))
-        assert list(jumping_angles(data)) == []
+        frozen = one_changed(data, "angle", 0, 0, slice(half + 5), q[half] + 0.5)
+        assert list(jumping_angles(frozen)) == []
 
 
 def test_bursts_of_stamps_and_held_torques_are_named():

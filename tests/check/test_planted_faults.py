@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures import planted_faults as pool
+from fixtures.check_trials import smoothed
 
 from frictionid.check import judge
 from frictionid.check.motion import mapped_motion, motions_of
@@ -36,15 +37,6 @@ def block(k):
 
 def with_motions(numbers):
     return [(healthy()[i], block(i // 30)[i % 30]) for i in numbers]
-
-
-def smoothed(cases):
-    out = []
-    for k in range(0, len(cases), 50):
-        part = cases[k : k + 50]
-        motions = iter(motions_of([r for case in part for r in case.recordings]))
-        out += [[next(motions) for _ in case.recordings] for case in part]
-    return out
 
 
 def mapped(motions, fault, words):

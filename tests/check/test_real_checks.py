@@ -5,13 +5,14 @@ from dataclasses import replace
 from functools import cache
 
 import pytest
+from fixtures.dataset_files import shipped_with
 from fixtures.paths import DATA
+from fixtures.verdicts import identifiable, kinds
 
 from frictionid.check import check
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.report.diagnostics import as_json
 
-ARM = (DATA / "dfki_c1" / "dataset.toml").read_text()
 COMMANDED = """
 name = "commanded"
 collection = "dfki_simple_pendulum"
@@ -105,29 +106,28 @@ ALLOWED = {
 @pytest.mark.parametrize(("name", "collection"), ALLOWED)
 def test_no_finding_contradicts_the_authors(real_data, name, collection):
     verdict = verdict_of(name, real_data / collection)
-    assert {f.kind for f in verdict.findings} <= ALLOWED[name, collection]
+    assert kinds(verdict).keys() <= ALLOWED[name, collection]
     assert all(q.passed is not False or "measured" in q.question for q in verdict.questions)
-    friction = next(e for e in verdict.identifiable if e.what == "friction of joint 1")
+    friction = identifiable(verdict, "friction of joint 1")
     # "practically only air drag": below what accelerations show
     assert friction.possible == (name != "phy180"), friction.reason
     if name in ("bam_xl330_passive", "phy180"):
-        bodies = next(e for e in verdict.identifiable if e.what == "inertia combinations")
+        bodies = identifiable(verdict, "inertia combinations")
         assert bodies.reason == "ratios to gravity only, which no torque shows"
 
 
 def of_the_arm(tmp_path, patterns):
-    before, _ = ARM.split("[recordings]")
-    (tmp_path / "dataset.toml").write_text(f"{before}[recordings]\npatterns = {patterns}\n")
-    return tmp_path
+    usual = '["design_C.1/sys_id_20230629/*.csv*"]'
+    return shipped_with(tmp_path, "dfki_c1", (usual, patterns))
 
 
 def test_a_coarse_clock_is_no_early_torque_and_no_frozen_sensor(real_data, tmp_path):
     """Swing-ups at 33 Hz from rest: joints leave it within one sample, torques are held."""
     folder = of_the_arm(tmp_path, '["design_C.1/leaderboard_pendubot_v2_mcpilco/*.csv*"]')
     verdict = check(load_dataset(folder, real_data / "dfki_double_pendulum"))
-    kinds = {f.kind for f in verdict.findings}
-    assert not kinds & {"delay", "frozen_sensor", "frozen_torque"}
-    hold = next(f for f in verdict.findings if f.kind == "hold")
+    findings = kinds(verdict)
+    assert not findings.keys() & {"delay", "frozen_sensor", "frozen_torque"}
+    hold = findings["hold"]
     assert "held or interpolated between samples, or late" in hold.text
 
 
@@ -139,13 +139,13 @@ def test_estimates_of_runs_that_end_in_balancing_hold_their_bias(real_data, tmp_
     assert abs(gravity - 1.9) < 2 * error
     low, high = verdict.delay.interval
     assert low < 0.0 < high
-    assert "delay" not in {f.kind for f in verdict.findings}
+    assert "delay" not in kinds(verdict)
 
 
 def test_one_recording_of_a_sine_is_not_called_late_by_half_a_second(real_data, tmp_path):
     """Any misfit of a nearly periodic torque is smaller at some far delay."""
     folder = of_the_arm(tmp_path, '["design_C.1/sys_id_20230629/20230629-143339.csv*"]')
     verdict = check(load_dataset(folder, real_data / "dfki_double_pendulum"))
-    assert "delay" not in {f.kind for f in verdict.findings}
-    delay = next(e for e in verdict.identifiable if e.what == "torque delay")
+    assert "delay" not in kinds(verdict)
+    delay = identifiable(verdict, "torque delay")
     assert not delay.possible and delay.reason == "no delay explains the motion clearly"

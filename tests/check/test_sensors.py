@@ -4,9 +4,10 @@ A frozen torque is judged by friction fitted to all other windows.
 """
 
 import time
-from dataclasses import replace
 
 import numpy as np
+import pytest
+from fixtures.changed_data import one_changed
 
 from frictionid.check import check
 from frictionid.check.motion import Measured, Motion, motions_of, windows_of
@@ -81,18 +82,10 @@ def found(data):
     return without_outliers(Measured.of_dataset(data, motions_of(data.recordings)))[1]
 
 
-def with_wild(data, name, quantity, rows, column, size):
-    """The data set with some values of one recording off by a size."""
-
-    def wild(recording):
-        if recording.name != name:
-            return recording
-        signal = getattr(recording, quantity)
-        value = np.array(signal.value)
-        value[rows, column] += size
-        return replace(recording, **{quantity: signal._replace(value=value)})
-
-    return replace(data, recordings=tuple(map(wild, data.recordings)))
+@pytest.fixture(scope="module")
+def wild(clean):
+    """Torques of one joint in one recording that are far off."""
+    return one_changed(clean, "torque", 1, 1, np.arange(10, 330, 20), 1.0)
 
 
 def test_clean_recordings_have_none(clean):
@@ -100,25 +93,22 @@ def test_clean_recordings_have_none(clean):
 
 
 def test_angles_are_named_by_recording_and_count(clean):
-    wild = with_wild(clean, "04_sine", "angle", [20, 90, 200], 1, 0.5)
-    wild = with_wild(wild, "03_decay", "angle", [33], 1, -1.0)
-    (finding,) = found(wild)
+    some = one_changed(clean, "angle", 1, 1, [20, 90, 200], 99.0)
+    (finding,) = found(one_changed(some, "angle", 0, 1, [33], -99.0))
     assert (finding.kind, finding.joint, finding.level) == ("angle_outliers", 2, "good")
     assert "4 gross outliers" in finding.text
     assert "3 in '04_sine', 1 in '03_decay'" in finding.text
 
 
-def test_many_torques_make_the_data_doubtful(clean):
-    wild = with_wild(clean, "04_sine", "torque", np.arange(10, 330, 20), 1, 1.0)
+def test_many_torques_make_the_data_doubtful(wild):
     (finding,) = found(wild)
     assert (finding.kind, finding.joint, finding.level) == ("torque_outliers", 2, "doubtful")
     assert finding.numbers["outliers"] == 16
     assert "16 in '04_sine'" in finding.text
 
 
-def test_other_checks_see_torques_without_their_outliers(clean):
+def test_other_checks_see_torques_without_their_outliers(clean, wild):
     """Else their misfit would pass for a late, a wrong or a commanded torque."""
-    wild = with_wild(clean, "04_sine", "torque", np.arange(10, 330, 20), 1, 1.0)
     given, found = check(clean), check(wild)
     assert {f.kind for f in found.findings} - {f.kind for f in given.findings} == {
         "torque_outliers"

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.refusals import assert_refused
+from fixtures.verdicts import identifiable
 
 from frictionid.check import check
 from frictionid.comparison.fit_model import fit_model
@@ -52,7 +53,7 @@ def test_sensors_at_links_show_no_friction_and_no_fit_finds_any(frames):
     assert "friction, and the inertia of rotors, is not in what is measured" in (
         verdict.findings[0].text
     )
-    friction = next(e for e in verdict.identifiable if e.what == "friction of joint 1")
+    friction = identifiable(verdict, "friction of joint 1")
     assert not friction.possible and "does not feel friction" in friction.reason
     with assert_refused(r'torque.at = "link".*no fit can find it; give the'):
         fit_model(dataset(frames, "link", "link"), LeastSquares(CoulombViscous()))

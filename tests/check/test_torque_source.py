@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.dataset_files import shipped_with
 from fixtures.one_joint_sets import Setup, one_recording, sets
 from fixtures.paths import DATA
+from fixtures.verdicts import kinds
 
 from frictionid.check import check
 from frictionid.check.facts import deviations, noise_of, unexplained_noise
@@ -21,7 +23,6 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.report import show_fit
 
 COUNT = 40
-ARM = (DATA / "dfki_c1" / "dataset.toml").read_text()
 
 
 def sources(dataset):
@@ -48,10 +49,7 @@ def test_the_source_of_the_torque_is_recognised(setup, source):
 
 def arm(tmp_path, columns):
     """The real double pendulum with other columns as its torque."""
-    text = ARM.replace('torque = ["tau_meas1", "tau_meas2"]', f"torque = {columns}")
-    assert columns in text
-    (tmp_path / "dataset.toml").write_text(text)
-    return tmp_path
+    return shipped_with(tmp_path, "dfki_c1", ('["tau_meas1", "tau_meas2"]', columns))
 
 
 @pytest.mark.parametrize(
@@ -76,7 +74,7 @@ def test_a_commanded_arm_is_not_called_good(real_data, tmp_path):
     folder = arm(tmp_path, '["tau_con1", "tau_con2"]')
     verdict = check(load_dataset(folder, real_data / "dfki_double_pendulum"))
     assert verdict.level == "doubtful"
-    assert "commanded_torque" in [f.kind for f in verdict.findings]
+    assert "commanded_torque" in kinds(verdict)
     first = verdict.questions[0]
     assert first.question == "is the torque measured" and first.passed is False
     assert re.search(r"commanded .*no quantisation step, and noise of only \S+e-0\d", first.words)

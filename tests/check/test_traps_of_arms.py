@@ -5,7 +5,9 @@ import re
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.dataset_files import shipped_with
 from fixtures.paths import DATA
+from fixtures.verdicts import identifiable, kinds, question
 
 from frictionid.check import check
 from frictionid.data.readers.dataset import load_dataset
@@ -21,21 +23,17 @@ def table(arm):
     return wrist.frame(arm)
 
 
-def kinds(verdict):
-    return {f.kind: f for f in verdict.findings}
-
-
 def test_an_arm_without_traps_is_good_and_friction_of_its_coupled_motor_is_found(arm, table):
     verdict = check(wrist.dataset(arm, table))
     assert (verdict.level, kinds(verdict)) == ("good", {})
-    signs = next(q for q in verdict.questions if q.question == "signs, frames, units")
+    signs = question(verdict, "signs, frames, units")
     assert signs.passed
     for place, (coulomb, viscous) in enumerate(zip(wrist.COULOMB, wrist.VISCOUS, strict=True)):
         name = (*"123", "turner")[place]
         for key, true in (("coulomb", coulomb), ("viscous", viscous)):
             value, error = verdict.estimate.at(f"{key}_{name}")
             assert abs(value - true) < max(3 * error, 0.03 * true), (key, name)
-    part = next(e for e in verdict.identifiable if e.what == "friction of turner")
+    part = identifiable(verdict, "friction of turner")
     assert part.possible
 
 
@@ -142,16 +140,6 @@ def test_stamps_that_jitter_where_positions_do_not(arm, table):
     assert "jittering_stamps" not in kinds(check(wrist.dataset(arm, uneven)))
 
 
-def changed(tmp_path, name, *pairs):
-    """A shipped data set with some of its text replaced."""
-    text = (DATA / name / "dataset.toml").read_text()
-    for old, new in pairs:
-        assert text.count(old) == 1
-        text = text.replace(old, new)
-    (tmp_path / "dataset.toml").write_text(text)
-    return tmp_path
-
-
 SHORT = ("stop = 67.9", "stop = 35.0")
 
 
@@ -166,7 +154,7 @@ def test_what_is_said_of_an_arm_with_a_wrist(real_data):
 
 
 def test_the_negative_gear_of_a_real_wrist(real_data, tmp_path):
-    folder = changed(tmp_path, "tx40", ("-48", "48"))
+    folder = shipped_with(tmp_path, "tx40", ("-48", "48"))
     first = check(load_dataset(folder, real_data / "staubli_tx40")).findings[0]
     assert "the gear of motor 4 has the wrong sign" in first.text
 
@@ -190,11 +178,11 @@ def test_the_negative_gear_of_a_real_wrist(real_data, tmp_path):
 )
 def test_traps_of_an_arm_on_a_lift(real_data, tmp_path, pair, kind, words):
     pairs = {pair, SHORT}
-    verdict = check(load_dataset(changed(tmp_path, "tiago", *pairs), real_data / "tiago_arm"))
+    verdict = check(load_dataset(shipped_with(tmp_path, "tiago", *pairs), real_data / "tiago_arm"))
     assert words in f"{kinds(verdict)[kind].text} {kinds(verdict)[kind].remedy}"
     usual = {"jittering_stamps", "unknown_cause", "nominal_mechanism"}
     assert set(kinds(verdict)) <= usual | {kind}
-    delay = next(e for e in verdict.identifiable if e.what == "torque delay")
+    delay = identifiable(verdict, "torque delay")
     assert "ms before it is logged" in delay.reason
 
 
@@ -213,7 +201,7 @@ def test_currents_that_are_zero(real_data, tmp_path):
         ("-100, -100]", "-100, -100, -336]"),
         ("stop = 67.9", "stop = 29.0"),
     )
-    folder = changed(tmp_path, "tiago", *pairs, *constants)
+    folder = shipped_with(tmp_path, "tiago", *pairs, *constants)
     verdict = check(load_dataset(folder, real_data / "tiago_arm"))
     assert [f.joint for f in verdict.findings if f.kind == "dead_torque"] == [5]
     assert verdict.findings[0].text.startswith("torque 5 is zero in 8")
@@ -249,7 +237,7 @@ def test_rotors_that_are_not_given_are_no_misfit_of_the_mechanism(arm, table):
     for name in ("rotor_one", "rotor_two"):
         assert float(asked[name]) == pytest.approx(wrist.PARAMETERS[name], rel=0.15)
     assert all(q.passed for q in answers(verdict, "sign of torque").values())
-    delay = next(i for i in verdict.identifiable if i.what == "torque delay")
+    delay = identifiable(verdict, "torque delay")
     assert re.search(r"before to .* after|cannot tell", delay.reason)
 
 
@@ -258,7 +246,7 @@ def test_torques_that_explain_nothing_have_no_gain(arm, table):
     other = table.copy()
     other[wrist.COLUMNS[1]] = 1e3 * np.sin(np.outer(table["t"], [31.0, 37.0, 41.0]))
     verdict = check(wrist.dataset(arm, other))
-    gain = next(i for i in verdict.identifiable if i.what == "torque gain")
+    gain = identifiable(verdict, "torque gain")
     assert not gain.possible and "0.000 +- 0.000" not in gain.reason
-    for question in answers(verdict, "sign of torque").values():
-        assert question.passed is None and question.words.startswith("cannot tell")
+    for answer in answers(verdict, "sign of torque").values():
+        assert answer.passed is None and answer.words.startswith("cannot tell")

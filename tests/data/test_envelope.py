@@ -37,11 +37,6 @@ def test_a_servo_saturates_as_a_motor_of_isaac_lab_does(goal):
     assert_allclose(s.torque(TIME, 0 * W, W), as_isaac_lab_clips(asked, W, MOTOR))
 
 
-def test_at_rest_and_while_braking_the_peak_holds_and_the_no_load_speed_ends_it():
-    top = MOTOR.top(np.array([-20.0, 0.0, 4.0, 8.0, 12.0]))
-    assert_allclose(top, [0.8, 0.8, 0.8, 0.4, 0.0], atol=1e-12)
-
-
 def test_a_limited_current_under_a_voltage_is_the_envelope_of_that_motor():
     numbers = dict(kt=0.4, R=2.0, output="voltage")
     volts = servo(9.0, gain=50.0, limit=8.0, current_limit=2.0, **numbers)

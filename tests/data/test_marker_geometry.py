@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror
+from frictionid.data.marker_geometry import hold_pivot, link_angles, mirror
 
 
 def seen(angles, lengths):
@@ -57,8 +57,3 @@ def test_a_held_pivot_moves_no_more_and_leaves_the_others_alone():
     held = hold_pivot(markers)
     assert np.all(held[:, 0] == np.median(markers[:, 0], axis=0))
     assert_array_equal(held[:, 1:], markers[:, 1:])
-
-
-def test_lengths_are_those_of_the_links():
-    markers = seen(swinging(np.random.default_rng(8), 2), [600.0, 460.0])
-    assert_allclose(link_lengths(markers), np.broadcast_to([600.0, 460.0], (300, 2)))

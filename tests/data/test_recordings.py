@@ -145,16 +145,13 @@ def test_velocity_truth_and_covariates_are_read_where_they_are_named(tmp_path):
     assert_array_equal(recording.covariates["temperature"].value[:, 0], columns["temp"])
 
 
-def test_parameters_of_one_recording_stay_with_it(tmp_path):
-    document = described(recordings__parameters={"b.csv": {"m4": 0}})
-    dataset = load(tmp_path, document, a_csv=motion(), b_csv=motion())
-    assert [dict(recording.parameters) for recording in dataset.recordings] == [{}, {"m4": 0.0}]
-
-
-def test_a_file_is_read_once_however_many_patterns_match_it(tmp_path):
-    document = described(recordings__patterns=["b*.csv", "*.csv"])
+def test_a_file_is_read_once_and_keeps_its_own_parameters(tmp_path):
+    document = described(
+        recordings__patterns=["b*.csv", "*.csv"], recordings__parameters={"b.csv": {"m4": 0}}
+    )
     dataset = load(tmp_path, document, b_csv=motion(), a_csv=motion(5))
-    assert [recording.name for recording in dataset.recordings] == ["a", "b"]
+    parameters = {recording.name: dict(recording.parameters) for recording in dataset.recordings}
+    assert list(parameters) == ["a", "b"] and parameters == {"a": {}, "b": {"m4": 0.0}}
 
 
 def test_tables_in_folders_keep_the_folder_in_their_name(tmp_path):

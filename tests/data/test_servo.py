@@ -71,10 +71,10 @@ def test_bam_logs_tell_voltage_and_servo_and_the_torque_is_theirs(tmp_path, phas
     log = bam_log()
     path = tmp_path / "a.json"
     path.write_text(json.dumps(log))
-    r = read_bam(path, {**MOTOR, "offset": 0.1, "phase": phase})
+    r = read_bam(path, {**MOTOR, "offset": 0.1, "limit": 0.5, "phase": phase})
     assert r.servo is not None and (r.servo.kt, r.servo.R) == (MOTOR["kt"], MOTOR["R"])
     time, q = column(log, "timestamp"), column(log, "position")
-    duty = np.clip(XL330_GAIN * 400 * (column(log, "goal_position") - q), -1, 1)
+    duty = np.clip(XL330_GAIN * 400 * (column(log, "goal_position") - q), -0.5, 0.5)
     driven = column(log, "torque_enable") > 0
     shown = np.isin(time, r.angle.time)
     volts = r.covariates["voltage"].value[:, 0]

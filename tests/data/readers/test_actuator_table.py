@@ -1,24 +1,19 @@
 """[actuator] in a dataset.toml and in Python: what it says becomes a servo, or one clear line."""
 
-import json
 import re
 import tomllib
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
-from fixtures.reader_files import MOTOR, bam_log, column
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.data.readers.actuator_toml import Actuator
-from frictionid.data.readers.formats.bam import XL330_GAIN
-from frictionid.data.readers.formats.bam import read as read_bam
-from frictionid.data.servo import Servo, motor_torque, play
+from frictionid.data.servo import motor_torque, play
 from frictionid.data.signals import Signal
 
 TIME = np.arange(0.0, 2.0, 0.01)
@@ -147,27 +142,6 @@ patterns = ["*.csv"]
         assert a.servo.gain == b.servo.gain and np.any(a.torque.value)
 
 
-def test_the_reader_of_bam_is_the_same_servo(tmp_path):
-    log = bam_log()
-    path = tmp_path / "a.json"
-    path.write_text(json.dumps(log))
-    bam = read_bam(path, {**MOTOR, "limit": 0.5})
-    frame = pd.DataFrame({k: column(log, k) for k in ("timestamp", "position", "goal_position")})
-    frame["on"] = column(log, "torque_enable")
-    actuator = dict(
-        **dict(target="goal_position", output="duty", hold="linear", enabled="on"),
-        **dict(P=log["kp"], scale=XL330_GAIN, supply=log["vin"], kt=MOTOR["kt"], R=MOTOR["R"]),
-        limit=0.5,
-    )
-    own = fid.Dataset.from_frames(
-        frame, RIG, time="timestamp", angle="position", actuator=actuator
-    ).recordings[0]
-    assert_allclose(own.torque.value, bam.torque.value, atol=1e-12)
-    q, w = np.random.default_rng(0).normal(size=(2, len(frame), 1))
-    time = own.angle.time
-    assert_allclose(own.servo.torque(time, q, w), bam.servo.torque(time, q, w))
-
-
 MISTAKES = r"""
 target = "goal" => has no column 'goal'
 P = -1.0 => actuator\.P.*greater than or equal to 0, not -1
@@ -217,12 +191,6 @@ def test_a_missing_target_is_named_by_its_row():
     holes = FRAME.assign(aim=FRAME["aim"].where(FRAME["t"] != TIME[7]))
     with assert_refused("row 7.*'aim' is empty"):
         read(PD, holes)
-
-
-def test_a_servo_keeps_its_numbers_with_another_motor():
-    servo = read({**DUTY, "D": 0.01}).recordings[0].servo
-    other = servo.with_motor(0.3, 2.0)
-    assert isinstance(other, Servo) and replace(other, kt=0.4, R=3.0).damping == servo.damping
 
 
 PAGE = (ROOT / "docs" / "actuators.md").read_text()

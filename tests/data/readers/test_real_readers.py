@@ -1,7 +1,6 @@
 """The public recordings: every file loads, in stated units, with the signs of the mechanisms."""
 
 import hashlib
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,13 +10,6 @@ from scipy.signal import savgol_filter
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.public_collections import check_file, collections
-from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.state import State
-from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, MotorLoad
-from frictionid.friction.model_files import load_model
 
 pytestmark = pytest.mark.real
 
@@ -163,40 +155,3 @@ def test_films_end_around_hanging_after_many_turns(dataset):
     ends = [r.angle.value[-4000:, 0].mean() / (2 * np.pi) for r in dataset("ibm").recordings]
     assert_allclose(ends, np.round(ends), atol=0.05)
     assert np.abs(ends).max() > 20
-
-
-# --- What the recordings say ---------------------------------------------------------------------
-
-
-def swing_errors(passive, friction):
-    """RMS angle errors (R,) [rad] of the passive swings, predicted from rest at their start."""
-    plant = plant_of(passive, friction.parameters)
-    errors = []
-    for i, recording in enumerate(passive.recordings):
-        time, q = recording.angle.time, recording.angle.value
-        start = State(q[0], np.zeros(1))
-        motion = rollout(plant[i], friction, start, np.zeros((len(time) - 1, 1)), np.diff(time))
-        errors.append(np.sqrt(np.mean((motion.q - q) ** 2)))
-    return np.array(errors)
-
-
-def test_friction_fitted_on_driven_logs_predicts_passive_swings(dataset, request):
-    """Better than published M1 on both swings, where the gear's loss under torque is fitted, too.
-
-    Without it the Coulomb level takes up that loss, and the swings are predicted worse than by M1:
-    the servo's friction is not Coulomb and viscous friction alone.
-    """
-    driven, passive = dataset("bam_xl330"), dataset("bam_xl330_passive")
-    # encoders of 12 bits: slower joints move by single steps
-    recipe = replace(INTEGRAL, velocity_threshold=0.2)
-    problem = training_problem(driven, plant_of(driven), recipe)
-    weights = np.ones((1, len(problem.r)))
-    fitted = LeastSquares(MotorLoad()).fit(problem, weights, 0)[0]
-    plain = LeastSquares(CoulombViscous()).fit(problem, weights, 0)[0]
-    m1 = load_model(request.config.rootpath / "data" / "bam_xl330" / "m1.json")
-    published = swing_errors(passive, m1)
-    # What predicts the swings are the Coulomb and viscous numbers alone: there is no torque.
-    alone = swing_errors(passive, Friction(CoulombViscous(), fitted.theta[:, :2]))
-    assert_allclose(alone, swing_errors(passive, fitted))
-    assert np.all(alone < published) and np.all(swing_errors(passive, plain) > published)
-    assert 0.2 < fitted.theta[0, 2] < 0.35  # the published M5 has .29, M6 .27
