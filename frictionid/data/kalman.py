@@ -164,23 +164,6 @@ def _of_series(rho: Array) -> Array:
     return np.array(rho.reshape(-1, rho.shape[-1]), dtype=float, order="C")
 
 
-def initial_state(value: Array, dt: Array) -> tuple[Array, Array]:
-    """Mean (3, ...) and covariance (6, ...) before the first sample, next to unknown.
-
-    dt : (...) [s] to the second sample
-    """
-    x, P = np.zeros((3, *value.shape)), np.zeros((6, *value.shape))
-    x[0] = value
-    P[0], P[3], P[5] = kalman_loops.diffuse(dt)
-    return x, P
-
-
-def predict(x: Array, P: Array, dt: Array, rho: Array) -> tuple[Array, Array]:
-    """Mean F x (3, ...) and covariance F P F' + Q (6, ...) one sample later."""
-    mean, covariance = kalman_loops.predicted(tuple(x), tuple(P), dt, rho)
-    return np.array(mean), np.array(covariance)
-
-
 def rts_smoother(series: Series, rho: Array) -> Array:
     """Smoothed states (T, S, 3) at jerk ratios rho (S,)."""
     return smoothed_by(series, kalman_filter(series, rho))

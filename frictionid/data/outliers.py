@@ -22,13 +22,12 @@ import numpy as np
 
 from frictionid.arrays import Array
 
+from . import kalman_loops
 from .kalman import (
     FilterOutput,
     Series,
-    initial_state,
     kalman_filter,
     likeliest_jerk_ratio,
-    predict,
     robust_jerk_ratio,
     smoothed_by,
 )
@@ -86,10 +85,13 @@ def prediction_residuals(series: Series, left_out: Array, fit: FilterOutput) -> 
 
 def _by_the_past(series: Series, fit: FilterOutput) -> tuple[Array, Array]:
     """Means (3, T, S) and covariances (6, T, S) of the state by the samples before each one."""
-    x, P = initial_state(series.value[0], series.dt[min(1, len(series.dt) - 1)])
-    before = (np.moveaxis(fit.mean[:-1], -1, 0), np.moveaxis(fit.covariance[:-1], 1, 0))
-    later, wider = predict(*before, series.dt[1:], fit.rho)
-    return np.concatenate([x[:, None], later], axis=1), np.concatenate([P[:, None], wider], axis=1)
+    x, P = np.zeros((3, *series.value.shape)), np.zeros((6, *series.value.shape))
+    x[0, 0] = series.value[0]
+    dt = series.dt[min(1, len(series.dt) - 1)]
+    P[0, 0], P[3, 0], P[5, 0] = kalman_loops.diffuse(dt)
+    before = tuple(np.moveaxis(fit.mean[:-1], -1, 0)), tuple(np.moveaxis(fit.covariance[:-1], 1, 0))
+    x[:, 1:], P[:, 1:] = kalman_loops.predicted(*before, series.dt[1:], fit.rho)
+    return x, P
 
 
 def _reversal(series: Series) -> tuple[Array, Array]:

@@ -168,16 +168,10 @@ def dataset_files(path: str | Path, data: str | Path | None = None) -> list[Path
 
 
 def _tables(toml: DatasetToml, file: Path, data: str | Path | None) -> tuple[Path, list[str]]:
-    """Folder of the tables, and their names in it."""
-    folder = _tables_folder(toml, file, None if data is None else Path(data))
-    return folder, _matching(toml.recordings.patterns, folder, file)
-
-
-def _tables_folder(toml: DatasetToml, file: Path, data: Path | None) -> Path:
-    """Folder that the patterns are relative to."""
+    """Folder of the tables, which the patterns are relative to, and their names in it."""
     collection = toml.collection
     if data is not None:
-        folder = data
+        folder = Path(data)
     elif collection is None:
         folder = file.parent
     elif collections := os.environ.get("FRICTIONID_DATA"):
@@ -195,7 +189,7 @@ def _tables_folder(toml: DatasetToml, file: Path, data: Path | None) -> Path:
             f"{file}: the folder of its tables, {folder}, does not exist; create it, "
             "or name another one with --data FOLDER"
         )
-    return folder
+    return folder, _matching(toml.recordings.patterns, folder, file)
 
 
 def _matching(patterns: Iterable[str], folder: Path, file: Path) -> list[str]:

@@ -269,8 +269,7 @@ def _parquet(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
         whole = pq.ParquetFile(io.BytesIO(content))
         header = list(whole.schema_arrow.names)
         names = header if columns is None else columns
-        places = {name: _place(name, header) for name in names}
-        bases = list(dict.fromkeys(base for base, _ in places.values()))
+        bases = list(dict.fromkeys(_place(name, header)[0] for name in names))
         check_header(file, header, bases)
         check_cells(whole.metadata.num_rows, len(columns or [""]), file)
         table = whole.read(columns=bases)
@@ -282,14 +281,14 @@ def _parquet(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
                 for name in header
                 for i in range(sizes.get(name) or 1)
             ]
-            places = {name: _place(name, header) for name in names}
             check_cells(table.num_rows, len(names), file)
     except InputError:
         raise
     except damage as error:
         raise InputError(f"{file} is no whole Parquet file ({_first_line(error)})") from None
     picked = {}
-    for name, (base, element) in places.items():
+    for name in names:
+        base, element = _place(name, header)
         try:
             cells = table.column(base)
             if element is not None:

@@ -57,7 +57,7 @@ def read(path: Path, settings: Mapping[str, Any]) -> Recording:
     more than 20 ms. Covariates are the voltage [V] at the motor, zero where it is disconnected, and
     as logged: load (the duty, 885 is full), supply [V] and temperature [deg C].
     """
-    chosen = checked(BamSettings, dict(settings), f"{path}: [reader]")
+    chosen = checked(BamSettings, settings, f"{path}: [reader]")
     file = str(path)
     log = _log(unzip(read_bytes(path), file), file)
     columns = _columns(log["entries"], file)

@@ -50,7 +50,7 @@ def tables(
     InputError
         Where no line names all columns, or one stands behind another clock than it is said to.
     """
-    checked(Strict, dict(settings), f"{file}: [reader]")
+    checked(Strict, settings, f"{file}: [reader]")
     lines = _text(unzip(content, file), file).splitlines()
     names = columns.names()
     head = _head(lines, names, file)

@@ -47,7 +47,7 @@ def tables(
     InputError
         For wrong settings, and files without the features.
     """
-    chosen = checked(LerobotSettings, dict(settings), f"{file}: [reader]")
+    chosen = checked(LerobotSettings, settings, f"{file}: [reader]")
     if not file.lower().endswith(".parquet"):
         raise InputError(f"{file} is no .parquet file; name data/*/*.parquet in the patterns")
     names = columns.names()

@@ -57,7 +57,7 @@ class MarkerSettings(Strict):
 
 def read(path: Path, settings: Mapping[str, Any]) -> Recording:
     """Angles of a passive chain of links, one joint per link, from a table of its markers."""
-    chosen = checked(MarkerSettings, dict(settings), f"{path}: [reader]")
+    chosen = checked(MarkerSettings, settings, f"{path}: [reader]")
     table = _seen(_table(path, chosen), chosen)
     second = 1.0 if chosen.time is None else UNITS["time"][chosen.time_unit]
     column = partial(signal_of, table, chosen.time or FRAME, second=second)

@@ -55,7 +55,7 @@ def read(path: Path, settings: Mapping[str, Any]) -> Recording:
 
     Time counts from the first message.
     """
-    chosen = checked(RosSettings, dict(settings), f"{path}: [reader]")
+    chosen = checked(RosSettings, settings, f"{path}: [reader]")
     file = str(path)
     stamped = joint_states(path, chosen.topic, chosen.clock)
     # nanoseconds since 1970 lose digits as floats: the difference is taken before
@@ -121,7 +121,7 @@ def tables(
     _: bytes, file: str, settings: Mapping[str, Any], columns: ColumnNames
 ) -> dict[str, Table]:
     """Table of a bag: the rows of one topic after those of another; rows count messages."""
-    chosen = checked(RosTableSettings, dict(settings), f"{file}: [reader]")
+    chosen = checked(RosTableSettings, settings, f"{file}: [reader]")
     return {"": _table(file, chosen, columns.names())}
 
 

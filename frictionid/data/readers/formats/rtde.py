@@ -33,7 +33,7 @@ def tables(
     content: bytes, file: str, settings: Mapping[str, Any], columns: ColumnNames
 ) -> dict[str, Table]:
     """Table of a recording."""
-    checked(RtdeSettings, dict(settings), f"{file}: [reader]")
+    checked(RtdeSettings, settings, f"{file}: [reader]")
     return {"": read_table(content, file, columns.names())}
 
 
