@@ -16,10 +16,10 @@ from frictionid.evaluation import (
     prepare,
     prepared_for,
     protocol_for,
-    score_frame,
     score_model,
 )
 from frictionid.evaluation.predicted_motion import predicted_motion
+from frictionid.evaluation.score_frame import with_scores
 from frictionid.friction import Friction
 from frictionid.friction.provenance import tables_of
 
@@ -136,8 +136,7 @@ def scores_of(
     for name, friction in models.items():
         with located(f"{(files or {}).get(name, name)}"):
             frame = score_model(friction, prepared_for(prepared, friction)).scores
-            rows = [*frame.itertuples(index=False), *nominal_torque_scores(prepared)]
-            scores[name] = score_frame(rows)
+            scores[name] = with_scores(frame, nominal_torque_scores(prepared))
         done(name)
     return model_scores(dataset.name, scores)
 

@@ -20,16 +20,13 @@ from frictionid.evaluation import (
     HorizonErrors,
     Prepared,
     Protocol,
-    curves,
     initial_state_folds,
     nominal_torque_scores,
     prepare,
     prepared_for,
     score_folds,
-    score_frame,
     score_model,
     score_value,
-    speeds,
     torque_example,
     trajectory_folds,
     with_speeds,
@@ -37,7 +34,7 @@ from frictionid.evaluation import (
 from frictionid.evaluation.complexity import effective_parameters
 from frictionid.evaluation.curves import Beyond, beyond_motion
 from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
-from frictionid.evaluation.score_frame import Score
+from frictionid.evaluation.score_frame import Score, with_scores
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method, check_method
@@ -196,8 +193,7 @@ def run(
     seconds = dict(zip(("prepare", "fit", "score"), np.diff(clock).tolist(), strict=True))
     count = None if identifier.fixed else complexity_score(fit)
     if count is not None:
-        rows = [*result.scores.itertuples(index=False), count]
-        result = result._replace(scores=score_frame(rows))
+        result = result._replace(scores=with_scores(result.scores, [count]))
     return result._replace(refined=fit if fit.diagnostics else None, seconds=seconds)
 
 
@@ -205,7 +201,7 @@ def score(
     friction: Friction,
     benchmark: Benchmark,
     shared: PreparedBenchmark,
-    views: Sequence[CalibratedView] | None = None,
+    views: Sequence[CalibratedView] | None,
 ) -> Result:
     """Scores of friction (F + 1, n, P): of the folds on what they hold out, of all data on tests.
 
@@ -215,47 +211,27 @@ def score(
     """
     folds, overall = friction[:-1], friction[-1]
     prepared = prepared_for(shared.prepared, friction)
-    lines = _curves(friction, prepared.grid)
-    scores, motions, errors = score_folds(folds, overall, prepared, benchmark.folds, views, lines)
-    scores = _with_nominal(scores, shared.prepared, benchmark.folds)
-    tests = {}
+    held_out = score_folds(folds, overall, prepared, benchmark.folds, views)
+    motions, tests = held_out.motions, {}
     for test in shared.tests:
-        name = test.dataset.name
-        test_scores, test_motions, _ = score_model(overall, prepared_for(test, friction))
-        tests[name] = _with_nominal(test_scores, test)
-        motions = [*motions, *test_motions]
+        tested = score_model(overall, prepared_for(test, friction))
+        tests[test.dataset.name] = with_scores(tested.scores, nominal_torque_scores(test))
+        motions = [*motions, *tested.motions]
+    nominal = nominal_torque_scores(shared.prepared, benchmark.folds)
     return Result(
-        scores=scores,
+        scores=with_scores(held_out.scores, nominal),
         friction=folds,
-        overall=with_speeds(
-            overall,
-            prepared.dataset.mechanism.friction_names,
-            speeds(prepared.dataset, prepared.smoothed),
-        ),
-        curves=lines,
+        overall=with_speeds(overall, prepared),
+        curves=held_out.curves,
         motions=tuple(motions),
         tests=tests,
         seconds={},
         grid=prepared.grid,
         loops=_loops(friction, prepared, benchmark.protocol),
-        errors=errors,
+        errors=held_out.errors,
         torque=torque_example(overall, shared.prepared),
         beyond=None if friction.mechanism else beyond_motion(friction, prepared.grid),
     )
-
-
-def _with_nominal(
-    scores: pd.DataFrame, prepared: Prepared, folds: Folds | None = None
-) -> pd.DataFrame:
-    """A score frame with the torque that the nominal mechanism leaves without friction."""
-    rows = list(scores.itertuples(index=False))
-    return score_frame([*rows, *nominal_torque_scores(prepared, folds)])
-
-
-def _curves(friction: Friction, grid: Array) -> Array:
-    """Curves (F + 1, V, n) at velocities (V, n); NaN for black boxes, which have no friction."""
-    lines = np.concatenate([curves(friction[:-1], grid), curves(friction[-1], grid)[None]])
-    return np.full_like(lines, np.nan) if friction.mechanism else lines
 
 
 def _loops(

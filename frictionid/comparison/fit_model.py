@@ -20,7 +20,6 @@ from frictionid.evaluation import (
     Prepared,
     Protocol,
     screened,
-    speeds,
     torque_left,
     velocity_grid,
     with_speeds,
@@ -145,8 +144,7 @@ def fit_model(
         check_units(friction, equal)
         notes["equality"] = tuple(_equality(identifier, recipe, training, seed))
     notes["torque_left"] = tuple(_torque_left(friction, prepared))
-    joints, w = dataset.mechanism.friction_names, speeds(dataset, prepared.smoothed)
-    return with_speeds(friction.noted(notes), joints, w)
+    return with_speeds(friction.noted(notes), prepared)
 
 
 def _torque_left(friction: Friction, prepared: Prepared) -> Iterable[tuple[Any, ...]]:

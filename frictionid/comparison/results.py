@@ -29,7 +29,6 @@ from frictionid.evaluation import (
     Prepared,
     curves,
     score_frame,
-    speeds,
     steady_state,
     true_friction,
 )
@@ -96,17 +95,16 @@ def descriptions_of(prepared_benchmarks: Mapping[str, PreparedBenchmark]) -> dic
 
 
 def _about(prepared: Prepared) -> dict[str, Any]:
-    dataset, grid = prepared.dataset, prepared.grid
-    w = speeds(dataset, prepared.smoothed)
+    dataset, grid, w = prepared.dataset, prepared.grid, prepared.speeds
+    mechanism = dataset.mechanism
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
     density = [np.histogram(w[:, j], 60, (grid[0, j], grid[-1, j]))[0] for j in range(w.shape[1])]
-    d = dataset.mechanism
     return {
-        "mechanism": dataset.mechanism.table,
+        "mechanism": mechanism.table,
         "own_base": recordings_own(dataset),
-        "joints": list(d.friction_names),
-        "torque_units": list(d.friction_torque_units),
-        "position_units": list(d.friction_units),
+        "joints": list(mechanism.friction_names),
+        "torque_units": list(mechanism.friction_torque_units),
+        "position_units": list(mechanism.friction_units),
         "recordings": len(dataset.recordings),
         "samples": sum(len(r.angle.time) for r in dataset.recordings),
         "seconds": sum(r.angle.duration for r in dataset.recordings),

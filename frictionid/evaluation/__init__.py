@@ -8,7 +8,6 @@ from .curves import (
     true_calibration,
     true_friction,
     velocity_grid,
-    with_speeds,
 )
 from .folds import Folds, Split, make_folds
 from .free_run import (
@@ -37,6 +36,7 @@ from .prepared import (
     training_of,
     with_calibration,
     with_parameters,
+    with_speeds,
     without_physics,
 )
 from .score_frame import SCORE_COLUMNS, score_frame, score_value

@@ -67,12 +67,6 @@ def curve_scores(errors: Array) -> Iterator[Score]:
             yield Score(fold, "curve_error", "rms", joint=str(j + 1), value=float(error[j]))
 
 
-def with_speeds(friction: Friction, joints: Sequence[str], w: Array) -> Friction:
-    """Friction whose provenance has the parts' names and greatest speeds in the data, w (K, m)."""
-    reach = [float(f"{speed:.6g}") for speed in np.abs(w).max(axis=0)]
-    return friction.noted({"joints": tuple(joints), "speeds": tuple(reach)})
-
-
 # The law of each kind of truth, and what its table has besides the steady-state curve. Stribeck
 # velocities and what follows stand in the order of the law's parameters.
 MODELS: Mapping[str, tuple[Any, tuple[str, ...]]] = {

@@ -173,10 +173,15 @@ class Prepared:
             return None
         return make_trajectory(self.dataset, self.causal, self.protocol.history)
 
+    @property
+    def speeds(self) -> Array:
+        """Velocities (K, m) [rad/s] where parts slide."""
+        return speeds(self.dataset, self.smoothed)
+
     @cached_property
     def grid(self) -> Array:
         """Velocities (V, n) [rad/s] of the friction curves."""
-        return velocity_grid(speeds(self.dataset, self.smoothed))
+        return velocity_grid(self.speeds)
 
     @property
     def position_units(self) -> tuple[str, ...]:
@@ -189,9 +194,8 @@ class Prepared:
 
     def _initial_states(self, states: Sequence[States]) -> InitialStates:
         p = self.protocol
-        every, begin = p.every, p.history
         return make_initial_states(
-            self.dataset, states, self.plant, p.horizons, every=every, begin=begin
+            self.dataset, states, self.plant, p.horizons, every=p.every, begin=p.history
         )
 
 
@@ -267,10 +271,6 @@ class CalibratedView(NamedTuple):
     folds: Array
     data: Prepared
 
-    def of_folds(self, count: int) -> "CalibratedView":
-        """The view of those of its folds that are among the first ones."""
-        return self._replace(folds=self.folds[self.folds < count])
-
 
 def calibrated_views(
     prepared: Prepared, calibration: Calibration | None, folds: int
@@ -315,6 +315,13 @@ def speeds(dataset: Dataset, smoothed: Iterable[States]) -> Array:
     true = [r.truth.velocity.value for r in dataset.recordings if r.truth is not None]
     w = np.concatenate(true if true else [s.w for s in smoothed])
     return of_parts(w, turns_of(dataset.mechanism, w))
+
+
+def with_speeds(friction: Friction, prepared: Prepared) -> Friction:
+    """Friction whose provenance has the parts' names and greatest speeds in the data."""
+    reach = tuple(float(f"{speed:.6g}") for speed in np.abs(prepared.speeds).max(axis=0))
+    joints = tuple(prepared.dataset.mechanism.friction_names)
+    return friction.noted({"joints": joints, "speeds": reach})
 
 
 # --- Horizons and sample time that follow the data, where nobody has said which -------------------

@@ -52,6 +52,11 @@ def score_frame(scores: Iterable[Sequence[Any]]) -> pd.DataFrame:
     return frame.astype({"horizon_s": float, "value": float})
 
 
+def with_scores(frame: pd.DataFrame, scores: Iterable[Score]) -> pd.DataFrame:
+    """A score frame with further scores below its own."""
+    return score_frame([*frame.itertuples(index=False), *scores])
+
+
 def score_value(
     frame: pd.DataFrame,
     score: str,

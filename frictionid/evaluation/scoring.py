@@ -4,7 +4,7 @@ A model may consist of several frictions, one for each fold. Every row of a one-
 rollout and every whole recording is then predicted by the friction of the fold that holds it out.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -86,11 +86,13 @@ class Evaluation(NamedTuple):
     scores : score frame, see `frictionid.evaluation.score_frame`
     motions : predicted and measured angles over the longest horizon, as result files have them
     errors : of its predictions from each start
+    curves : (F + 1, V, n) [N m] of the folds and of all data; NaN of black boxes, which have none
     """
 
     scores: pd.DataFrame
     motions: list[dict[str, Any]]
     errors: HorizonErrors
+    curves: Array
 
 
 class HeldOut(NamedTuple):
@@ -123,7 +125,6 @@ def score_folds(
     prepared: Prepared,
     folds: Folds,
     views: Sequence[CalibratedView] | None = None,
-    lines: Array | None = None,
 ) -> Evaluation:
     """Held-out scores of the frictions (F, n, P) of the folds.
 
@@ -136,24 +137,23 @@ def score_folds(
     folds : of the same recordings
     views : `calibrated_views` of the frictions' calibrations, where they have been made before;
         those of further folds are left out
-    lines : `curves` (F + 1, V, n) of both on the grid, where they have been made before
     """
+    euler, integral = (
+        folds.held_out(problem.recording, problem.time)
+        for problem in (prepared.euler, prepared.integral)
+    )
     held_out = HeldOut(
-        (_held_out_rows(prepared.euler, folds), _held_out_rows(prepared.integral, folds)),
+        (euler, integral),
         initial_state_folds(prepared.initial_states, folds, prepared.causal),
         np.zeros(0, dtype=int)
         if prepared.trajectory is None
         else trajectory_folds(prepared.trajectory, folds),
     )
-    if views is None:
-        views = calibrated_views(prepared, friction.calibration, len(friction.theta))
-    views_fitted = [view.of_folds(len(friction.theta)) for view in views]
-    views_used = [view for view in views_fitted if len(view.folds)]
-    rows, motions, errors = _scored(
-        _Model(friction, views_used), overall, prepared, held_out, lines
-    )
-    shown = [{**m, "friction_of": "fold"} for m in motions]
-    return Evaluation(score_frame(rows), shown, errors)
+    count = len(friction.theta)
+    views = views or calibrated_views(prepared, friction.calibration, count)
+    fitted = [view._replace(folds=view.folds[view.folds < count]) for view in views]
+    model = _Model(friction, [view for view in fitted if len(view.folds)])
+    return _scored(model, overall, prepared, held_out, "fold")
 
 
 def score_model(friction: Friction, prepared: Prepared) -> Evaluation:
@@ -180,47 +180,43 @@ def score_model(friction: Friction, prepared: Prepared) -> Evaluation:
     )
     batch = friction[None]
     model = _Model(batch, calibrated_views(prepared, batch.calibration, 1))
-    rows, motions, errors = _scored(model, friction, prepared, everything)
-    pooled = [row for row in rows if row.fold == "all"]
-    return Evaluation(score_frame(pooled), [{**m, "friction_of": "all"} for m in motions], errors)
-
-
-def _held_out_rows(problem: Problem, folds: Folds) -> Array:
-    return folds.held_out(problem.recording, problem.time)
+    return _scored(model, friction, prepared, everything, "all")
 
 
 def _scored(
-    model: _Model,
-    overall: Friction,
-    prepared: Prepared,
-    held_out: HeldOut,
-    lines: Array | None = None,
-) -> tuple[list[Score], list[dict[str, Any]], HorizonErrors]:
-    """All scores of a model, examples of its rollouts, and their errors."""
+    model: _Model, overall: Friction, prepared: Prepared, held_out: HeldOut, friction_of: str
+) -> Evaluation:
+    """All that is scored; friction of "all" data has no scores of folds."""
     # where any horizon of a rollout is held out, one fold holds it out: its friction predicts
     owner = np.maximum(held_out.rollouts.max(axis=0), 0)
     initial, motion = _rollouts(model, owner)
-    one_step, windows = _one_step_scores(model, held_out)
-    scores = [
-        *one_step,
-        *rollout_scores(motion, initial, held_out.rollouts, prepared.position_units),
-    ]
+    scores, windows = _one_step_scores(model, held_out)
+    held, units, grid = held_out.rollouts, prepared.position_units, prepared.grid
+    scores += rollout_scores(motion, initial, held, units)
     if prepared.true_initial_states is not None:
         true, ideal = _rollouts(model, owner, true=True)
-        units = prepared.position_units
-        scores += rollout_scores(ideal, true, held_out.rollouts, units, true=True)
+        scores += rollout_scores(ideal, true, held, units, true=True)
     if prepared.trajectory is not None:
         scores += _free_run_scores(model, held_out.recordings)
-    scores += _curve_scores(model.friction, overall, prepared, lines)
+    lines = np.concatenate([curves(model.friction, grid), curves(overall, grid)[None]])
+    if overall.mechanism:
+        lines = np.full_like(lines, np.nan)
+    elif prepared.dataset.truth is not None:
+        true_curves = curves(steady_state(prepared.dataset.truth), grid)
+        scores += curve_scores(curve_error(lines, true_curves, grid))
     scores.append(_parameter_count(model.friction))
-    shown = motion.q, initial, prepared, held_out.rollouts[-1] >= 0
+    if friction_of == "all":
+        scores = [score for score in scores if score.fold == "all"]
+    shown = motion.q, initial, prepared, held[-1] >= 0
     band = partial(_band, model) if len(model.friction.theta) >= FEWEST else None
-    errors = horizon_errors(motion, initial, held_out.rollouts, prepared.position_units)
+    motions = [*common_examples(*shown), *ranked_examples(*shown, band)]
+    motions = [{**example, "friction_of": friction_of} for example in motions]
+    errors = horizon_errors(motion, initial, held, units)
     if windows is not None:
         errors = errors._replace(
             torque=windows.error, torque_recording=windows.recording, torque_fold=windows.fold
         )
-    return scores, [*common_examples(*shown), *ranked_examples(*shown, band)], errors
+    return Evaluation(score_frame(scores), motions, errors, lines)
 
 
 def _one_step_scores(model: _Model, held_out: HeldOut) -> tuple[list[Score], TorqueWindows | None]:
@@ -267,18 +263,17 @@ def _rollouts(
     rows : (S,) which of the initial states, all by default; true : from the true states
     """
     first = model.views[0].data
-    initial = _initial_states(first, rows, true)
-    preceding = None if true else _preceding(first, rows)
+    initial, preceding = _starts(first, rows, true)
     plant = first.plant[initial.recording]
     p = np.array(plant.p)
     for data, starts in model.owned(owner):
         if data is first:
             continue
-        initial = initial.with_rows(_initial_states(data, rows, true), starts)
+        calibrated, before = _starts(data, rows, true)
+        initial = initial.with_rows(calibrated, starts)
         p[starts] = data.plant.p[initial.recording[starts]]
-        other = _preceding(data, rows)
-        if preceding is not None and other is not None:
-            preceding = preceding.with_rows(other, np.isin(preceding.owner, starts))
+        if preceding is not None and before is not None:
+            preceding = preceding.with_rows(before, np.isin(preceding.owner, starts))
     plant = replace(plant, p=p)
     return initial, predict(plant, model.friction[owner], initial, preceding)
 
@@ -296,15 +291,16 @@ def _band(model: _Model, rows: Array) -> Array:
     return jackknife_width(np.swapaxes(each, 0, 1))
 
 
-def _initial_states(data: Prepared, rows: Array | None, true: bool) -> InitialStates:
+def _starts(
+    data: Prepared, rows: Array | None, true: bool
+) -> tuple[InitialStates, SampleWindows | None]:
+    """Initial states of some rows, true ones or with the samples before them."""
     initial = data.true_initial_states if true else data.initial_states
+    preceding = None if true else data.preceding
     assert initial is not None
-    return initial if rows is None else initial.take(rows)
-
-
-def _preceding(data: Prepared, rows: Array | None) -> SampleWindows | None:
-    preceding = data.preceding
-    return preceding if preceding is None or rows is None else preceding.take(rows)
+    if rows is None:
+        return initial, preceding
+    return initial.take(rows), preceding and preceding.take(rows)
 
 
 def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
@@ -320,19 +316,6 @@ def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
             q[:, rows] = free_run(data.plant[rows], model.friction[owner[rows]], trajectories)
     units = model.views[0].data.position_units
     yield from free_run_scores(q, trajectory._replace(measured=measured), held, units)
-
-
-def _curve_scores(
-    friction: Friction, overall: Friction, prepared: Prepared, lines: Array | None
-) -> Iterable[Score]:
-    """Curve errors, where the truth is known and friction is a torque; see `score_folds`."""
-    if prepared.dataset.truth is None or friction.mechanism:
-        return ()
-    grid = prepared.grid
-    true = curves(steady_state(prepared.dataset.truth), grid)
-    if lines is None:
-        lines = np.concatenate([curves(friction, grid), curves(overall, grid)[None]])
-    return curve_scores(curve_error(lines, true, grid))
 
 
 def _parameter_count(friction: Friction) -> Score:

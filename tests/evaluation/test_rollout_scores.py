@@ -305,7 +305,7 @@ def test_a_friction_that_drives_the_motion_away_is_counted_and_not_an_error():
     data = dataset()
     prepared = prepare(data, Protocol(horizons=(0.5,)))
     friction = Friction(CoulombViscous(), np.array([[0.0, -5.0]]))
-    rows, motions, _ = score_model(friction, prepared)
+    rows, motions, *_ = score_model(friction, prepared)
     assert select(rows, statistic="diverged", score="rollout_angle")["all", "all"] > 0.9
     assert select(rows, statistic="median", score="rollout_angle")["all", "all"] == np.inf
     assert not np.isfinite(motions[0]["predicted"]).all()
@@ -357,5 +357,7 @@ def test_the_best_example_is_one_of_motion():
         for name in ("angle", "torque")
     }
     resting = replace(data, recordings=(*data.recordings, replace(first, name="rest", **still)))
-    _, motions, _ = score_model(true_friction(TRUTH), prepare(resting, Protocol(horizons=HORIZONS)))
+    _, motions, *_ = score_model(
+        true_friction(TRUTH), prepare(resting, Protocol(horizons=HORIZONS))
+    )
     assert "rest" not in [m["recording"] for m in motions if "place" in m]

@@ -12,7 +12,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
+from frictionid.evaluation import Prepared, training_of, with_calibration
 from frictionid.files import json_text, read_bytes, read_json, write_json
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction, along
@@ -94,7 +94,7 @@ def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
 
 def reference_of(prepared: Prepared, friction: Friction) -> Reference:
     """The reference with the speeds and the noise of the data."""
-    fast = np.quantile(np.abs(speeds(prepared.dataset, prepared.smoothed)), [0.5, 0.95], axis=0)
+    fast = np.quantile(np.abs(prepared.speeds), [0.5, 0.95], axis=0)
     fast = np.maximum(fast, 1e-9)
     view = with_calibration(prepared, friction.calibration)
     problem = training_of(view, INTEGRAL)
