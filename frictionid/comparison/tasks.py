@@ -111,7 +111,7 @@ def prepare_benchmarks(
     benchmarks = {task.benchmark.dataset.name: task.benchmark for task in tasks}
     recipes: dict[str, dict[str, Method]] = {name: {} for name in benchmarks}
     for task in tasks:
-        if task.recipe.calibrated is None or not _is_kept(task, kept):
+        if task.recipe.calibrated is None or not _earlier(task, kept):
             recipes[task.benchmark.dataset.name][task.recipe.name] = task.recipe
     return {
         name: prepare_benchmark(benchmark, list(recipes[name].values()), jobs or cpu_count())
@@ -145,30 +145,27 @@ def run_tasks(
     """
     left, reasons = [], dict[str, list[str]]()
     for task in tasks:
-        if _is_kept(task, kept):
+        if _earlier(task, kept):
             done(task)
         else:
             left.append(task)
     for task, result in results_of(left, prepared_benchmarks, jobs=jobs, dask=dask):
-        write_sealed(folder / task.file, document(task, result))
+        content = {"digest": task.digest, **content_of(task, result)}
+        write_sealed(folder / task.file, content)
         if isinstance(result, NoFitError):
             reasons.setdefault(task.benchmark.dataset.name, []).append(str(result))
         done(task)
-    places = (folder, *kept)
     for name, texts in reasons.items():
-        if not any(_is_fitted(t, places) for t in tasks if t.benchmark.dataset.name == name):
+        on_data = (task for task in tasks if task.benchmark.dataset.name == name)
+        documents = (document for task in on_data for document in _earlier(task, (folder, *kept)))
+        if all("not_fitted" in document for document in documents):
             raise InputError("; ".join(dict.fromkeys(texts)))
 
 
-def _is_kept(task: Task, kept: Sequence[Path]) -> bool:
-    """Whether a folder has the task's result, of the same digest, and unchanged."""
-    return any(finished(place / task.file, task.digest) for place in kept)
-
-
-def _is_fitted(task: Task, places: Sequence[Path]) -> bool:
-    """Whether a folder has the task's result, and not the reason why there is none."""
+def _earlier(task: Task, places: Sequence[Path]) -> list[dict[str, Any]]:
+    """Documents of the task in some folders, of the same digest, and unchanged."""
     documents = (finished(place / task.file, task.digest) for place in places)
-    return any("not_fitted" not in document for document in documents if document)
+    return [document for document in documents if document]
 
 
 def results_of(
@@ -193,8 +190,12 @@ def results_of(
         Where data or settings are wrong, with the task's name.
     """
     groups = sorted(_alike(tasks), key=lambda group: _effort(group[0]), reverse=True)
-    firsts = [group[0] for group in groups]
-    calls = [(task, prepared_benchmarks[task.benchmark.dataset.name]) for task in firsts]
+    # tasks of one benchmark share its data, which travel once
+    shared = {
+        id(task.benchmark): (task.benchmark, prepared_benchmarks[task.benchmark.dataset.name])
+        for task in tasks
+    }
+    calls = [(shared[id(task.benchmark)], *task[1:]) for task, *_ in groups]
     if dask is None or not calls:
         results = side_by_side(_run, calls, jobs or cpu_count())
     else:
@@ -204,24 +205,14 @@ def results_of(
             yield task, result
 
 
-def _on_cluster(
-    calls: Sequence[tuple[Task, PreparedBenchmark]], dask: str
-) -> Iterator[tuple[int, Outcome]]:
-    """What `_run` gives; tasks of one benchmark share its data."""
+def _on_cluster(calls: Sequence[tuple[Any, ...]], dask: str) -> Iterator[tuple[int, Outcome]]:
     try:
         from .cluster import on_cluster
     except ModuleNotFoundError as error:
         raise InputError(
             f"a cluster needs the package {error.name}: pip install 'frictionid[dask]'"
         ) from None
-    data = {id(shared): (task.benchmark, shared) for task, shared in calls}
-    separate = [(data[id(shared)], *task[1:]) for task, shared in calls]
-    return on_cluster(_run_apart, separate, dask)
-
-
-def _run_apart(data: tuple[Benchmark, PreparedBenchmark], *settings: Any) -> Outcome:
-    benchmark, shared = data
-    return _run(Task(benchmark, *settings), shared)
+    return on_cluster(_run, calls, dask)
 
 
 def _alike(tasks: Sequence[Task]) -> list[list[Task]]:
@@ -251,17 +242,15 @@ def _effort(task: Task) -> tuple[bool, bool, int]:
     return not task.identifier.fixed, shoots, weights
 
 
-def _run(task: Task, shared: PreparedBenchmark) -> Outcome:
+def _run(data: tuple[Benchmark, PreparedBenchmark], *settings: Any) -> Outcome:
+    """Result of the task of these settings on a benchmark."""
+    benchmark, shared = data
+    task = Task(benchmark, *settings)
     try:
         with located(f"{task.benchmark.dataset.name}, {task.name} by {task.recipe.name}"):
             return run(task.benchmark, task.identifier, task.recipe, task.seed, shared)
     except NoFitError as error:
         return error
-
-
-def document(task: Task, result: Outcome) -> dict[str, Any]:
-    """JSON document of a result, and the digest of all that it depends on."""
-    return {"digest": task.digest, **content_of(task, result)}
 
 
 def content_of(task: Task, result: Outcome) -> dict[str, Any]:

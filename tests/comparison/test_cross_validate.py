@@ -1,6 +1,5 @@
 """The comparison: independent of what is held out, the same however it is run, strict."""
 
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,13 +12,10 @@ from fixtures.tiny_pendulums import (
     recordings,
     shortened,
     still,
-    tasks_in,
-    write_suite,
 )
-from numpy.testing import assert_allclose
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
-from frictionid.comparison.tasks import Task, document, prepare_benchmarks, run_tasks
+from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.data.state_estimators import RTS, SavitzkyGolay
 from frictionid.evaluation import Protocol, Split, make_folds, score_frame, true_friction
 from frictionid.files import read_json
@@ -58,48 +54,6 @@ def test_a_fold_does_not_depend_on_the_recordings_that_it_holds_out(recipe):
 
 # --- The same however it is run ------------------------------------------------------------------
 
-OWN = """
-from dataclasses import dataclass
-from frictionid.fitting.identifiers import LeastSquares
-from frictionid.friction.laws import CoulombViscous
-from frictionid import Identifier
-
-@dataclass(frozen=True)
-class Rubs(CoulombViscous):
-    pass
-
-@dataclass(frozen=True)
-class Seeded(Identifier):
-    def fit(self, problem, weights, seed):
-        found = LeastSquares(Rubs()).fit(problem, weights, seed)
-        return type(found)(found.law, found.theta * (1 + 0.01 * seed))
-"""
-
-
-def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys, "path", sys.path[:])
-    (tmp_path / "own_seeded.py").write_text(OWN)
-    suite = 'recipes = [{name = "study"}]; horizons = [0.1]; seeds = [0, 1]'
-    tasks = tasks_in(write_suite(tmp_path, suite + '; identifiers.0.kind = "own_seeded:Seeded"'))
-    prepared_benchmarks = prepare_benchmarks(tasks)
-    seen = {1: [], 2: []}
-    for jobs in (1, 2):
-        folder = tmp_path / f"jobs{jobs}"
-        done = seen[jobs].append
-        run_tasks(tasks, prepared_benchmarks, folder, jobs=jobs, done=lambda t, to=done: to(t.file))
-    assert sorted(seen[1]) == sorted(seen[2]) == sorted(task.file for task in tasks)
-    for task in tasks:
-        one, two = (read_json(tmp_path / f"jobs{jobs}" / task.file) for jobs in (1, 2))
-        assert one.pop("seconds").keys() == two.pop("seconds").keys()
-        assert one.pop("sha256") != two.pop("sha256")  # of content that holds these seconds
-        assert one == two
-    first, second = (
-        read_json(tmp_path / "jobs2" / f"tiny--Seeded--study--seed{seed}.json") for seed in (0, 1)
-    )
-    assert first["model"]["law"]["kind"] == "Rubs"
-    thetas = [np.array(document["folds"]["theta"]) for document in (first, second)]
-    assert_allclose(thetas[1], 1.01 * thetas[0])
-
 
 def test_fixed_friction_is_scored_once_and_written_for_each_recipe_and_seed(tmp_path):
     whole = benchmark()
@@ -122,10 +76,9 @@ def test_fixed_friction_is_scored_once_and_written_for_each_recipe_and_seed(tmp_
     assert len(calls) == 1 and len(list(tmp_path.iterdir())) == 8
     for task in tasks[1::2]:
         alone = run(whole, task.identifier, task.recipe, task.seed)
-        expected = document(task, alone)
         found = read_json(tmp_path / task.file)
         assert (found["fit"], found["seed"]) == (task.recipe.name, task.seed)
-        assert found["digest"] == expected["digest"]
+        assert found["digest"] == task.digest
         assert score_frame(found["rows"]["tiny"]).equals(alone.scores)
 
 
@@ -166,14 +119,10 @@ def test_models_with_their_own_mechanism_are_scored_with_it():
     wrong, right = (
         run(benchmark(), Published(given), INTEGRAL) for given in (friction, true_friction(TRUTH))
     )
-    for score, statistic, horizon in (
-        ("one_step_integral", "rms", None),
-        ("one_step_euler", "rms", None),
-        ("rollout_angle", "median", 0.3),
-    ):
-        assert wrong.value(score, statistic, horizon) > 2 * right.value(score, statistic, horizon)
-    curve = [r.value("curve_error", "rms", joint="1") for r in (wrong, right)]
-    assert curve[0] == curve[1]
+    for name in ("one_step_integral", "one_step_euler"):
+        assert wrong.value(name, "rms") > 2 * right.value(name, "rms")
+    ahead = ("rollout_angle", "median", 0.3)
+    assert wrong.value(*ahead) > 2 * right.value(*ahead)
 
 
 # --- Recipes -------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import frictionid as fid
 from frictionid.comparison.results import descriptions_of
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
-from frictionid.comparison.tasks import document, prepare_benchmarks, results_of
+from frictionid.comparison.tasks import content_of, prepare_benchmarks, results_of
 from frictionid.evaluation import Split, make_folds
 
 pytestmark = pytest.mark.real
@@ -106,7 +106,7 @@ def test_reports_know_all_places_with_friction(compared):
     places = places if name == "tx40" else [f"arm_{j}_joint" for j in range(1, 5)]
     described = descriptions_of(prepared)[name]
     assert described["joints"] == places
-    refined = document(*results["coulomb_viscous"])["refined"]
+    refined = content_of(*results["coulomb_viscous"])["refined"]
     found = [p.name for p in refined["parameters"] if p.block == "friction"]
     assert found == [f"{own} of {place}" for place in places for own in ("coulomb", "viscous")]
     assert np.shape(refined["bands"].simultaneous) == np.shape(described["velocity"])
