@@ -131,7 +131,7 @@ def laws() -> list[KindDescription]:
     >>> next(law for law in laws() if law.name == "stribeck").parameters[2].unit
     'rad/s'
     """
-    return [_law(name, law) for name, law in LAWS.items()]
+    return [_described(name, Kind((law,))) for name, law in LAWS.items()]
 
 
 def identifiers() -> list[KindDescription]:
@@ -140,7 +140,7 @@ def identifiers() -> list[KindDescription]:
     >>> [entry.default for entry in identifiers()[1].settings if entry.name == "iterations"]
     ['100']
     """
-    return [_identifier(name, kind) for name, kind in IDENTIFIERS.items()]
+    return [_described(name, kind) for name, kind in IDENTIFIERS.items()]
 
 
 def described(kinds: Iterable[KindDescription], name: str) -> KindDescription:
@@ -183,13 +183,6 @@ def _mechanism(name: str, build: Callable[..., Mechanism]) -> KindDescription:
     )
 
 
-def _law(name: str, law: type) -> KindDescription:
-    settings = [_setting(f.name, _default(f), (law,)) for f in fields(law)]
-    return KindDescription(
-        name, summary(law), tuple(details(law)), _parameters(law), tuple(settings)
-    )
-
-
 def _parameters(law: Any) -> tuple[Entry, ...]:
     """Parameters of a law; none of networks and libraries, which have hundreds."""
     if not (inspect.isclass(law) and issubclass(law, Law)):
@@ -211,12 +204,7 @@ def _of_parameter(law: type, name: str) -> str:
     return f"w {'>' if side == SIDES[0] else '<'} 0: {said}" if side and said else said
 
 
-def _default(setting: Any) -> Any:
-    factory = setting.default_factory is not MISSING
-    return setting.default_factory() if factory else setting.default
-
-
-def _identifier(name: str, kind: Kind) -> KindDescription:
+def _described(name: str, kind: Kind) -> KindDescription:
     defaults = kind.defaults({})
     parts = kind.parts
     settings = []
@@ -236,13 +224,13 @@ def _identifier(name: str, kind: Kind) -> KindDescription:
 
 def _first_default(kind: Kind, setting: str) -> Any:
     """Default of a setting in the first form of the kind that has it."""
-    forms = [kind.parts, *(choice.parts for choice in kind.choices)]
-    for part in (part for parts in forms for part in parts if is_dataclass(part)):
-        matching = next((f for f in fields(part) if f.name == setting), None)
-        if matching is not None and _default(matching) is not MISSING:
-            return _default(matching)
+    for part in filter(is_dataclass, kind.parts):
+        for f in fields(part):
+            if f.name == setting and f.default_factory is not MISSING:
+                return f.default_factory()
     tables: list[Mapping[str, Any]] = [{}, *({c.key: c.value} for c in kind.choices)]
-    return next((kind.defaults(t)[setting] for t in tables if setting in kind.defaults(t)), MISSING)
+    forms = map(kind.defaults, tables)
+    return next((form[setting] for form in forms if setting in form), MISSING)
 
 
 def _choice(kind: Kind, name: str, choices: list[Choice]) -> Entry:
@@ -259,9 +247,7 @@ def _setting(name: str, default: Any, parts: Iterable[Any]) -> Entry:
     said = next(filter(None, (_said(part, name) for part in parts)), "")
     allowed = next(filter(None, (_allowed(part, name) for part in parts)), "")
     words = said if not allowed or allowed in said else f"{allowed}; {said}".strip("; ")
-    return Entry(
-        name, "" if default in (MISSING, inspect.Parameter.empty) else _toml(default), "", words
-    )
+    return Entry(name, "" if default is MISSING else _toml(default), "", words)
 
 
 _REFERENCE = re.compile(r"as in `\w+`")
