@@ -24,7 +24,6 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.friction.coordinates import of_last_joints
 from frictionid.mechanics import Plant
 
 from .folds import Folds
@@ -102,9 +101,7 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
             )
     T = max(map(len, times)) - 1
     clocks = [_lengthened(time, T + 1) for time in times]
-    each, mechanism = temperatures(dataset, clocks), dataset.mechanism
-    temperature = None if each is None else of_last_joints(mechanism, np.stack(each, axis=1))
-    pairs = list(zip(dataset.recordings, times, strict=True))
+    each, pairs = temperatures(dataset, clocks), list(zip(dataset.recordings, times, strict=True))
     return Trajectory(
         names=tuple(r.name for r in dataset.recordings),
         time=np.stack(clocks, axis=1),
@@ -113,7 +110,7 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
         u=padded([averages(r.torque, time) for r, time in pairs], T, 0.0),
         measured=padded([sample(r.angle, time) for r, time in pairs], T + 1, np.nan),
         servos=servos_of(dataset),
-        temperature=temperature,
+        temperature=None if each is None else np.stack(each, axis=1),
         base_motion=base_motion_between(dataset.recordings, np.stack(clocks, axis=1)),
     )
 

@@ -254,10 +254,10 @@ def padded(parts: Sequence[Array], length: int, fill: float) -> Array:
 
 
 def temperatures(dataset: Dataset, times: Sequence[Array]) -> list[Array] | None:
-    """Temperatures (T_i, n) [degC] of each recording at its times; None where one is not known."""
-    joints, pairs = dataset.mechanism.joints, zip(dataset.recordings, times, strict=True)
-    each = [recording.temperature_at(time, joints) for recording, time in pairs]
-    measured = [T for T in each if T is not None]
+    """Temperatures (T_i, m) [degC] of all parts at times of recordings; None: one is not known."""
+    machine, pairs = dataset.mechanism, zip(dataset.recordings, times, strict=True)
+    each = [recording.temperature_at(time, machine.joints) for recording, time in pairs]
+    measured = [of_last_joints(machine, T) for T in each if T is not None]
     return measured if len(measured) == len(each) else None
 
 
@@ -266,9 +266,7 @@ def _temperatures(
 ) -> Array | None:
     """Temperature (S, m) [degC] at each start."""
     each = temperatures(dataset, [s.time for s in states])
-    if each is None:
-        return None
-    return of_last_joints(dataset.mechanism, np.stack([each[r][k] for r, k in pairs]))
+    return None if each is None else np.stack([each[r][k] for r, k in pairs])
 
 
 def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
@@ -326,10 +324,8 @@ def preceding_samples(
     count = 0
     for s, (r, k) in enumerate(zip(initial.recording, initial.index, strict=True)):
         samples = place[first[r] + max(0, k - SAMPLES) : first[r] + k]
-        whole = samples >= 0
-        samples = samples[
-            (np.flatnonzero(~whole)[-1] + 1 if (~whole).any() else 0) :
-        ]  # behind a gap
+        gaps = np.flatnonzero(samples < 0) + 1
+        samples = samples[max(gaps, default=0) :]  # behind a gap
         windows[s, : len(samples)] = count + np.arange(len(samples))
         rows.append(samples)
         count += len(samples)

@@ -210,10 +210,9 @@ def predicted_motion(
     check_joints(friction, dataset)
     if start is not None and (whole or every is not None):
         raise InputError("start does not go with whole or every: it is that of one prediction")
-    if start is not None:
-        _check_start(dataset, start, horizon)
     protocol = Protocol(horizons=(horizon,), every=every or horizon, whole=whole)
     if start is not None:
+        _check_start(dataset, start, horizon)
         protocol = replace(protocol, every=_NEVER, history=start)
     prepared = prepared_for(prepare(dataset, protocol), friction)
     batch = friction[None]

@@ -84,22 +84,33 @@ def torque_windows(
     keys = np.stack([fold, problem.recording, number], axis=1)[rows]
     windows, place = np.unique(keys, axis=0, return_inverse=True)
     place, dt = place.reshape(-1), problem.dt[rows]
-    length = np.bincount(place, dt, len(windows))
     n = torque.shape[-1]
     lacking = solve(problem.G[rows][:, :n, :n], problem.r[rows, :n])  # without any friction
-    sums = np.zeros((3, len(windows), n))
-    for total, each in zip(sums, [*torque[:, rows], lacking], strict=True):
-        np.add.at(total, place, each * dt[:, None])
-    counts = np.ones((len(windows), torque.shape[-1]), dtype=bool)
+    counts = np.ones((len(windows), n), dtype=bool)
     np.logical_and.at(counts, place, ~rests[rows])
+    length = np.bincount(place, dt)
     counts &= (length >= _COMPLETE * np.median(length))[:, None]
-    left, measured, lacking = sums / length[:, None]
+    each = (*torque[:, rows], lacking)
+    left, measured, lacking = (means_of(values, place, dt) for values in each)
     usual = np.quantile(np.abs(lacking), 0.95, axis=0)  # of motors that are off
     most = np.maximum(np.abs(torque[1, rows]).max(axis=0), usual)
     jumped = (np.abs(lacking) > _JUMP * most).any(axis=1)
     counts &= ~_beside(jumped, windows[:, 1])[:, None]
     left, measured = np.where(counts, [left, measured], 0.0)
     return TorqueWindows(left, measured, counts, windows[:, 1], windows[:, 0])
+
+
+def means_of(values: Array, place: Array, weight: Array) -> Array:
+    """Means (G, n) of the rows of values (K, n) at each of G places (K,), each row by its weight.
+
+    >>> means_of(np.array([[1.0], [2.0], [6.0]]), np.array([0, 1, 1]), np.array([1.0, 3.0, 1.0]))
+    array([[1.],
+           [3.]])
+    """
+    total = np.bincount(place, weight)
+    sums = np.zeros((len(total), values.shape[-1]))
+    np.add.at(sums, place, values * weight[:, None])
+    return sums / total[:, None]
 
 
 def _beside(windows: Array, recording: Array) -> Array:
@@ -150,15 +161,15 @@ def torque_parts(problem: Problem, residual: Array) -> dict[str, Array]:
     middle, half = float(np.mean(time[[0, -1]])), _SHOWN / 2
     span = np.floor((time - middle + half) / (_SHOWN / _SPANS)).astype(int)
     inside = (span >= 0) & (span < _SPANS)
-    span, weight = span[inside], dt[inside]
-    length = np.bincount(span, weight, _SPANS)
-    filled = length > 0
-    parts = {"measured": measured, "model": measured - left, "rigid": measured - friction_and_left}
-    out = {"time": np.bincount(span, weight * time[inside], _SPANS)[filled] / length[filled]}
-    for name, values in parts.items():
-        sums = [np.bincount(span, weight * v, _SPANS)[filled] for v in values[inside].T]
-        out[name] = np.stack(sums, axis=-1) / length[filled, None]
-    return out
+    _, place = np.unique(span[inside], return_inverse=True)
+    each = {
+        "time": time[:, None],
+        "measured": measured,
+        "model": measured - left,
+        "rigid": measured - friction_and_left,
+    }
+    parts = {name: means_of(values[inside], place, dt[inside]) for name, values in each.items()}
+    return {**parts, "time": parts["time"][:, 0]}
 
 
 def _together(squares: Array, mixed: bool) -> float:
@@ -180,10 +191,16 @@ def nominal_torque_scores(prepared: Prepared, folds: Folds | None = None) -> Ite
         held = held if folds is None else folds.held_out(problem.recording, problem.time)
         left = {NOMINAL: problem.r[:, : mechanism.n], NOISE: _velocity_noise(prepared)}
         for name, residual in left.items():
-            torque = row_torques(problem, residual, held >= -1)
-            windows = torque_windows(torque, problem, held, mechanism)
-            scores = torque_scores(windows, mechanism, name)
+            scores = _scores(problem, residual, held, mechanism, name)
             yield from (score for score in scores if score.score == name and score.fold == "all")
+
+
+def _scores(
+    problem: Problem, residual: Array, held: Array, mechanism: Mechanism, name: str = LEFT
+) -> Iterator[Score]:
+    """Torque left by residuals (K, n) of the momentum balance, held out by folds (K,)."""
+    torque = row_torques(problem, residual, held >= 0)
+    return torque_scores(torque_windows(torque, problem, held, mechanism), mechanism, name)
 
 
 def _velocity_noise(prepared: Prepared) -> Array:
@@ -203,9 +220,7 @@ def torque_left(friction: Friction, prepared: Prepared) -> Iterator[Score]:
         return
     problem, residual = _balance(friction, prepared)
     every = np.zeros(len(residual), dtype=int)
-    torque = row_torques(problem, residual, every == 0)
-    mechanism = prepared.plant.mechanism
-    yield from torque_scores(torque_windows(torque, problem, every, mechanism), mechanism)
+    yield from _scores(problem, residual, every, prepared.plant.mechanism)
     yield from nominal_torque_scores(prepared)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import Protocol, prepare
-from frictionid.evaluation.torque_left import row_torques
+from frictionid.evaluation.torque_left import means_of, row_torques
 from frictionid.fitting.one_step.residual import stiction_mask
 from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.mechanics.mechanism_table import mechanism_options
@@ -105,7 +105,7 @@ def describe_robot(
     if not (columns.torque or actuator) and {*map(quantity_of, guesses.unused)} - {"velocity"}:
         missing += (_TORQUE,)
     missing += (_IMU,) if columns.imu else ()
-    comments = _comments(file, columns, machine, facts, still)
+    comments = _comments(file, columns, machine, facts, filled.gains, still)
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
     name = tables.folder.resolve().name
     draft = Draft(
@@ -150,11 +150,11 @@ def _comments(
     columns: RobotColumns,
     machine: Mechanism,
     facts: Known,
+    gains: Any,
     still: Mapping[str, str],
 ) -> dict[str, str]:
     """Comments of keys of the dataset.toml, see `Draft`."""
     of_file = "" if facts.gains else "of the file"
-    gains = _with_gains_of(facts, columns.joints).gains
     locked = "; ".join(dict.fromkeys(filter(None, (columns.silent, *still.values()))))
     return {
         file.format: "meshes are not looked at",
@@ -318,15 +318,14 @@ def gains_by_gravity(dataset: Dataset) -> dict[str, Gain | None]:
     number = np.floor(problem.time / _WINDOW + 1e-9)
     keys = np.stack([problem.recording, number], axis=1)
     _, place = np.unique(keys, axis=0, return_inverse=True)
-    place = place.reshape(-1)
-    rows = np.bincount(place)
+    place, rows = place.reshape(-1), np.ones(len(place))
     out: dict[str, Gain | None] = {}
     for j, name in enumerate(dataset.mechanism.joints):
-        parts = (column[:, j], -np.sign(w[:, j]), -w[:, j], column[:, j] - left[:, j])
-        *means, need = (np.bincount(place, part) / rows for part in parts)
-        slides = np.bincount(place, rests[:, j]) == 0
-        A = np.column_stack([*means, np.ones(len(rows))])[slides]
-        out[name] = _gain(A, need[slides])
+        u, v = column[:, j], w[:, j]
+        parts = np.stack([u, -np.sign(v), -v, rows, u - left[:, j], rests[:, j]], axis=1)
+        means = means_of(parts, place, rows)
+        A, need, slides = means[:, :4], means[:, 4], means[:, 5] == 0
+        out[name] = _gain(A[slides], need[slides])
     return out
 
 
