@@ -117,12 +117,6 @@ class RecipeEntry(Strict):
             return self.name
         return "one_step" if self.known is None else "shooting"
 
-    def beside(self, folder: Path) -> "RecipeEntry":
-        """The table with its paths from a folder."""
-        if self.known is None:
-            return self
-        return self.model_copy(update={"known": str(folder / self.known)})
-
     @property
     def where(self) -> str:
         """What complaints about the recipe begin with."""
@@ -159,8 +153,9 @@ def _misplaced(key: str, home: str, form: str) -> str:
     return f': {key} needs by = "{home}"'
 
 
-def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
-    """Recipes of their tables; shooting may begin with one that stands beside it."""
+def recipes_of(entries: Sequence[RecipeEntry], folder: Path = Path()) -> list[Method]:
+    """Recipes of their tables, with paths from a folder; shooting may begin with another one."""
+    entries = [e.model_copy(update={"known": e.known and str(folder / e.known)}) for e in entries]
     steps = {entry.name: _one_step(entry) for entry in entries if entry.form == "one_step"}
     calibrated = [recipe_of(entry, steps) for entry in entries if entry.form == "calibrated"]
     starts = {r.name: r for r in calibrated if isinstance(r, CalibratedRecipe)}

@@ -55,7 +55,7 @@ def tasks_of(
     """
     folder = file.parent
     with located(str(file)):
-        recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
+        recipes = recipes_of(suite.recipes, folder)
         named = [identifier_of(e, folder, recipes, trust=trust) for e in suite.identifiers]
         distinct([recipe.name for recipe in recipes], "recipes")
         distinct(list(map(str, suite.seeds)), "seeds")

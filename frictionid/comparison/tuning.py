@@ -297,9 +297,7 @@ def best_of(results: Sequence[Study]) -> Study:
     return min((r for r in results if r.fold is None), key=lambda r: r.best.value)
 
 
-def chosen_suite(
-    file: Path, results: Sequence[Study], place: Path, objective: Objective | None = None
-) -> str:
+def chosen_suite(file: Path, results: Sequence[Study], place: Path, objective: Objective) -> str:
     """TOML of the suite of a file on one data set, with the settings chosen on all its data.
 
     place : where it will be written; the paths in it lead from there
@@ -313,12 +311,12 @@ def chosen_suite(
     document["datasets"] = [
         _moved(entry, file, place) for entry in document["datasets"] if _is(entry, file, name)
     ]
-    best = [best_of(task_results) for task_results in by_task(results)]
+    best = list(map(best_of, by_task(results)))
     document["identifiers"] = [
         entry for table in document["identifiers"] for entry in _chosen(table, best, file, place)
     ]
     head = [
-        f"# Settings tuned on {name}: {objective.words if objective else 'see summary.md'}.",
+        f"# Settings tuned on {name}: {objective.words}.",
         "# They were chosen on all recordings: held-out scores of this suite are rather too good;",
         "# scores of tuning nested in the training folds stand in summary.md.",
     ]
@@ -344,13 +342,12 @@ def _chosen(
     chosen = [result for result in best if result.task.name == name]
     if "search" not in table or not chosen:
         return [entry]
-    if len(chosen) == 1:
-        return [{**entry, **chosen[0].best.settings}]
-    return [
-        {**entry, **r.best.settings, "name": f"{name}-{recipe}", "recipes": [recipe]}
-        for r in chosen
-        for recipe in [r.task.recipe.name]
-    ]
+    tuned = [{**entry, **result.best.settings} for result in chosen]
+    if len(tuned) > 1:
+        for each, result in zip(tuned, chosen, strict=True):
+            recipe = result.task.recipe.name
+            each |= {"name": f"{name}-{recipe}", "recipes": [recipe]}
+    return tuned
 
 
 def _is(entry: Mapping[str, Any], file: Path, name: str) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import distinct
+from frictionid.data.clock_facts import run_edges
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import taken
 from frictionid.errors import InputError, located
@@ -82,7 +83,7 @@ def tuning_tasks(
                 "no identifier has a search table: add one, e.g. "
                 "search = { width = { low = 0.005, high = 0.1, log = true } }"
             )
-        recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
+        recipes = recipes_of(suite.recipes, folder)
         for entry in entries:
             _check_space(entry, folder, recipes, trust)
         benchmarks = [replace(b, tests=()) for b in benchmarks_of(suite, folder, data, trust=trust)]
@@ -209,7 +210,6 @@ def _pieces(recording: Recording, use: Array) -> Iterator[Recording]:
     if use.all():
         yield recording
         return
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], use.astype(int), [0]])))
-    for number, (first, last) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+    for number, (first, last) in enumerate(zip(*run_edges(use), strict=True)):
         angle = taken(recording.angle, np.arange(first, last + 1))
         yield replace(recording, name=f"{recording.name}, piece {number}", angle=angle)

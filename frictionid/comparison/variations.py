@@ -1,14 +1,14 @@
 """What a sensitivity study varies, as a suite says it, and data sets with that one thing wrong."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from frictionid.arrays import Array
-from frictionid.config import Strict
+from frictionid.config import Positive, Strict
 from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, taken
@@ -205,7 +205,6 @@ _CHANGES: Mapping[str, Callable[[Dataset, Variation], Dataset]] = {
 
 
 Share = Annotated[float, Field(gt=-1.0, lt=10.0)]
-Positive = Annotated[float, Field(gt=0.0)]
 
 
 class SensitivitySettings(Strict):
@@ -254,24 +253,25 @@ def variations_of(dataset: Dataset, settings: SensitivitySettings) -> tuple[Vari
         Where the mechanism has no parameter of a name.
     """
     names = settings.parameters
-    if names is None:
-        names = list(sensitive_parameters(dataset))
+    names = list(sensitive_parameters(dataset)) if names is None else names
     for name in names:
         dataset.mechanism.check_name(name)
-    turns = dataset.mechanism.position_units[0] == "rad"
-    moves = dataset.actuated.any()
-    several = len(dataset.recordings) > 1
+    driven = bool(dataset.actuated.any())
+    offered = {
+        "delay": driven,
+        "gain": driven,
+        "tilt": dataset.mechanism.position_units[0] == "rad",
+        "noise": True,
+        "rate": True,
+        "recordings": len(dataset.recordings) > 1,
+    }
     return (
         NOMINAL,
         *(Variation("parameter", level, name) for name in names for level in settings.levels),
-        *_each("delay", settings.delay if moves else ()),
-        *_each("gain", settings.gain if moves else ()),
-        *_each("tilt", settings.tilt if turns else ()),
-        *_each("noise", settings.noise),
-        *_each("rate", settings.rate),
-        *_each("recordings", settings.recordings if several else ()),
+        *(
+            Variation(cause, float(amount))
+            for cause, applies in offered.items()
+            for amount in getattr(settings, cause)
+            if applies
+        ),
     )
-
-
-def _each(cause: str, amounts: Sequence[Any]) -> list[Variation]:
-    return [Variation(cause, float(amount)) for amount in amounts]

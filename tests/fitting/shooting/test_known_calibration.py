@@ -112,7 +112,7 @@ def test_a_suite_names_the_model_file_from_its_folder(tmp_path):
         {"name": "corrected", "like": "integral", "known": "first.json"},
     ]
     suite = Suite.model_validate(tiny.suite([("recipes", tables)]))
-    held, corrected = recipes_of([entry.beside(tmp_path) for entry in suite.recipes])
+    held, corrected = recipes_of(suite.recipes, tmp_path)
     assert [b.name for b in held.blocks] == ["friction"]
     for known in (held.held, corrected.by.held):
         assert_allclose(known.calibration.base, first_fit().calibration.base)
