@@ -6,6 +6,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from frictionid.arrays import Array
@@ -273,20 +274,12 @@ def _by_kind(
 
 def _with_slopes(table: Table, free: Sequence[str], clock: Array) -> list[str]:
     """Columns whose slope another column follows."""
-    out = []
-    for name in free:
-        slope = np.gradient(table.columns[name], clock)
-        others = [table.columns[o] for o in free if o != name]
-        if any(_correlation(slope, other) > _SLOPE for other in others):
-            out.append(name)
-    return out
-
-
-def _correlation(a: Array, b: Array) -> float:
-    use = np.isfinite(a) & np.isfinite(b)
-    if use.sum() < 3 or not (np.ptp(a[use]) > 0 and np.ptp(b[use]) > 0):
-        return 0.0
-    return float(np.corrcoef(a[use], b[use])[0, 1])
+    if not free:
+        return []
+    columns = pd.DataFrame({name: table.columns[name] for name in free})
+    both = {"column": columns, "slope": columns.apply(np.gradient, args=(clock,))}
+    alike = pd.concat(both, axis=1).corr(min_periods=3).loc["column", "slope"] > _SLOPE
+    return [name for name in free if alike[name].drop(name).any()]
 
 
 def _angle_unit(table: Table, names: Sequence[str], kind: str) -> tuple[str, str]:
