@@ -17,7 +17,7 @@ import frictionid as fid
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space, Tuning
-from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite
+from frictionid.comparison.suite import IdentifierEntry, load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tuning import tune
 from frictionid.comparison.tuning_task import TuningTask, training_benchmark, tuning_tasks
@@ -193,7 +193,7 @@ def test_nested_folds_leave_out_the_held_out_block_and_its_gap():
 
 
 @pytest.mark.parametrize("kind", ["blocks", "recordings"])
-def test_samples_keep_their_own_deviations(place, tmp_path, kind):
+def test_samples_keep_their_own_deviations(kind):
     def deviating(r):
         sigma = 1e-4 * (1.0 + np.arange(len(r.angle.time))[:, None] % 3)
         return replace(r, angle=r.angle._replace(sigma=sigma))
@@ -206,8 +206,6 @@ def test_samples_keep_their_own_deviations(place, tmp_path, kind):
     whole = next(r for r in own.dataset.recordings if r.name == first.name.split(",")[0])
     rows = np.isin(whole.angle.time, first.angle.time)
     assert_array_equal(first.angle.sigma, np.asarray(whole.angle.sigma)[rows])
-    (result, *_) = tune([tuning_task(place, own)], Tuning(trials=1, folds=2), tmp_path)
-    assert np.isfinite(result.best.value)
 
 
 def samples(part):
@@ -325,10 +323,7 @@ def test_every_setting_can_be_written_in_a_suite_and_tuned(kind):
 def test_a_comparison_does_not_read_what_tuning_searches(place):
     table, file = suite(place)
     scaled = next(t for t in tasks_of(table, file, trust=True) if t.name == "scaled")
-    plain = replace(scaled.identifier)
-    assert plain.factor == 0.5
-    entry = table.identifiers[1]
-    assert identifier_of(entry, place, [INTEGRAL], trust=True).identifier == scaled.identifier
+    assert scaled.identifier.factor == 0.5
 
 
 def test_the_command_writes_a_page_and_a_suite_that_runs_with_the_chosen_settings(place, run):

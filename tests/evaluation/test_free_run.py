@@ -12,7 +12,6 @@ from fixtures.tiny_pendulums import recordings as torque_driven_recordings
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
-from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
@@ -36,10 +35,8 @@ from frictionid.evaluation import (
     with_motor_torque,
     with_parameters,
 )
-from frictionid.fitting.identifiers import Frictionless, LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, MotorLoad
+from frictionid.friction.laws import CoulombViscous
 
 MASS, LENGTH, KT, R = 0.5, 0.1, 0.37, 2.9
 TABLE = {"kind": "pendulum", "motor": True, "parameters": {"mass": MASS, "length": LENGTH}}
@@ -129,30 +126,6 @@ def test_another_friction_or_another_motor_does_not(logs, usual):
 def servoed(data, change):
     changed = (replace(r, servo=change(r.servo)) for r in data.recordings)
     return replace(data, recordings=tuple(changed))
-
-
-def test_a_torque_that_is_larger_than_its_motor_says_is_the_gain_of_the_rig(logs, usual):
-    data, states = logs
-    weak = servoed(data, lambda servo: servo.with_motor(KT, 1.25 * R))
-    calibration = replace(Calibration.ideal(1), gain=np.array([1.25]))
-    corrected, _ = run_of(calibrated_dataset(weak, calibration), states)
-    assert_allclose(corrected, usual[0], atol=1e-9)
-
-
-def test_a_bias_of_the_rig_is_a_constant_torque(logs):
-    data, states = subset(logs[0], 0), logs[1][:1]
-    bias = 0.05
-    calibration = replace(Calibration.ideal(1), bias=np.array([bias]))
-    goal = bias * R / KT / (data.recordings[0].servo.gain * data.recordings[0].servo.supply)
-
-    def raised(servo):  # by what makes the same torque
-        value = servo.goal.value + goal
-        return replace(servo, goal=servo.goal._replace(value=value), limit=1e9)
-
-    free = servoed(data, lambda servo: replace(servo, limit=1e9))
-    corrected, _ = run_of(calibrated_dataset(free, calibration), states)
-    assert_allclose(corrected, run_of(servoed(data, raised), states)[0], atol=1e-9)
-    assert np.abs(corrected - run_of(free, states)[0]).max() > 1e-3
 
 
 def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
@@ -330,18 +303,6 @@ def test_folds_judge_what_they_hold_out(logs):
     rows, *_ = score_folds(Friction(CoulombViscous(), theta), TRUTH, prepared, folds)
     own = {r.fold: r.value for r in lines(rows) if (r.score, r.statistic) == ("free_run", "mean")}
     assert all(own[str(held[1])] < 0.1 * own[str(f)] for f in held if f != held[1])
-
-
-def test_a_comparison_scores_free_runs_where_it_is_asked(logs):
-    data, _ = logs
-    folds = make_folds(data.recordings, Split(count=4))
-    asked = Benchmark(data, folds, Protocol((0.3,), history=0.0, whole=True))
-    identifiers = Frictionless(), LeastSquares(MotorLoad())
-    none, fitted = (run(asked, i, INTEGRAL).value("free_run", "mean") for i in identifiers)
-    assert fitted < 0.2 * none
-    silent = Benchmark(data, folds, Protocol((0.3,), history=0.0))
-    with assert_refused("no score 'free_run'"):
-        run(silent, Frictionless(), INTEGRAL).value("free_run", "mean")
 
 
 def test_folds_that_hold_out_no_whole_recording_are_refused():

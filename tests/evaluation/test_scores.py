@@ -104,22 +104,6 @@ def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
     assert found["all", "all"] == pytest.approx(np.sqrt(np.concatenate(squares).mean()), rel=1e-9)
 
 
-def test_norms_are_over_the_joints():
-    from frictionid.evaluation import one_step_scores
-
-    residual = np.array([[3.0, -4.0], [0.0, 5.0], [6.0, 8.0]])
-    rows = list(one_step_scores(residual, np.array([0, 0, 1]), "x", 2 * ("rad/s",), np.ones(2)))
-    assert select(rows, statistic="mean") == {
-        ("0", "all"): 5.0,
-        ("1", "all"): 10.0,
-        ("all", "all"): 20.0 / 3.0,
-        ("all", "1"): 3.0,
-        ("all", "2"): 17.0 / 3.0,
-    }
-    assert select(rows, statistic="rms")["all", "all"] == pytest.approx(np.sqrt(50.0))
-    assert {row.unit for row in rows} == {"rad/s"} and {row.horizon_s for row in rows} == {None}
-
-
 # --- Data that nothing was fitted to -------------------------------------------------------------
 
 
@@ -180,13 +164,6 @@ def test_the_grid_has_401_velocities_up_to_q95():
     assert_allclose(grid[-1], np.quantile(np.abs(w), 0.95, axis=0))
     assert_allclose(grid, -grid[::-1], atol=1e-12)
     assert_allclose(np.diff(grid, axis=0), (grid[-1] / 200)[None].repeat(400, 0))
-
-
-@pytest.mark.parametrize("scale", [0.5, 1.0, 1.07, -1.0])
-def test_the_error_of_a_scaled_curve_is_the_scale(scale):
-    grid = velocity_grid(np.random.default_rng(1).normal(size=(50, 2)))
-    truth = np.tanh(grid / 0.3) + 0.1 * grid
-    assert_allclose(curve_error(scale * truth, truth, grid), abs(scale - 1), atol=1e-12)
 
 
 def test_the_error_is_that_of_its_definition_and_blind_to_slow_speeds():
@@ -252,10 +229,3 @@ def test_measured_data_have_neither_curve_error_nor_truth(folds):
         "torque_left",
         "torque_measured",
     }
-
-
-def test_a_truth_of_a_kind_that_no_law_is_stays_a_curve():
-    assert true_friction(TRUTH) is not None
-    assert true_friction({**TRUTH, "kind": "maxwell_slip"}) is None
-    with assert_refused(r"\[truth\] lacks viscous"):
-        true_friction({k: v for k, v in TRUTH.items() if k != "viscous"})

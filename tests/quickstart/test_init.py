@@ -54,6 +54,11 @@ def call(lab, tmp_path, run):
     return partial(run, tmp_path)
 
 
+def written(folder):
+    """The dataset.toml of a folder."""
+    return tomllib.loads((folder / "dataset.toml").read_text())
+
+
 def same_motion(folder):
     """Whether the data set in a folder is what was simulated, in SI units."""
     data = load_dataset(folder)
@@ -73,7 +78,7 @@ def same_motion(folder):
 def test_milliseconds_degrees_and_amperes_are_recognised(call, tmp_path):
     code, out, err = call(f"init arm {INIT} {MOTOR}")
     assert (code, err) == (0, "") and out.endswith("next: frictionid quick arm\n")
-    document = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())
+    document = written(tmp_path / "arm")
     assert document["units"] == {"time": "ms", "angle": "deg", "torque": "A"}
     assert document["columns"] == {"time": "t_ms", "angle": "pos_deg", "torque": "I_motor"}
     assert document["mechanism"] == MACHINE
@@ -87,7 +92,7 @@ def test_columns_of_structures_in_mat_files_are_recognised(call, tmp_path):
         file.with_suffix(".mat").write_bytes(mat_bytes({"log": table, "gains": [[1.0, 2.0]]}))
         file.unlink()
     assert call(f"init arm {INIT} {MOTOR}")[0] == 0
-    columns = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())["columns"]
+    columns = written(tmp_path / "arm")["columns"]
     assert columns == {"time": "log.t_ms", "angle": "log.pos_deg", "torque": "log.I_motor"}
     same_motion(tmp_path / "arm")
 
@@ -98,7 +103,7 @@ def test_tables_without_a_header_have_counted_columns(call, tmp_path, separator)
         lines = pd.read_csv(file).drop(columns="state").astype(str).to_numpy().tolist()
         file.write_text("".join(f"{separator.join(line)}{separator.strip()}\n" for line in lines))
     assert call(f"init arm {INIT} {MOTOR} --angle 2 --torque 4")[::2] == (0, "")
-    document = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())
+    document = written(tmp_path / "arm")
     assert document["columns"] == {"header": False, "time": "1", "angle": "2", "torque": "4"}
     assert document["units"]["torque"] == "A"  # as it has a torque constant
     same_motion(tmp_path / "arm")
@@ -109,7 +114,7 @@ def test_a_line_that_counts_the_columns_as_pandas_does_is_their_header(call, tmp
         values = pd.read_csv(file).drop(columns="state").to_numpy()
         pd.DataFrame(values).to_csv(file, index=False)
     assert call(f"init arm {INIT} {MOTOR} --angle 1 --torque 3")[0] == 0
-    document = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())
+    document = written(tmp_path / "arm")
     assert document["columns"] == {"time": "0", "angle": "1", "torque": "3"}
     same_motion(tmp_path / "arm")
 
@@ -195,9 +200,7 @@ def test_positions_of_the_motor_are_told_by_the_motion(call, tmp_path):
         table.assign(pos_deg=GEAR * table["pos_deg"]).to_csv(path, index=False)
     code, out, _ = call(f"init arm {INIT} {MOTOR}")
     assert code == 0 and "corrected: angles are those of the motors" in out
-    assert (
-        tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())["motor"]["angle"] == "motor"
-    )
+    assert written(tmp_path / "arm")["motor"]["angle"] == "motor"
     same_motion(tmp_path / "arm")
 
 
@@ -293,7 +296,7 @@ def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     frame = pd.DataFrame({"t": TIME, "goal": Q, "pos": 0.9 * Q})
     frame.to_csv(tmp_path / "servo" / "run.csv", index=False)
     code, out, _ = call(f"init servo {INIT} --gains 4,0.05")
-    document = tomllib.loads((tmp_path / "servo" / "dataset.toml").read_text())
+    document = written(tmp_path / "servo")
     assert code == 0 and "torque" not in document["columns"] and "not used" not in out
     assert document["actuator"] == {"target": "goal", "output": "torque", "P": 4.0, "D": 0.05}
     (tmp_path / "servo" / "dataset.toml").unlink()
@@ -309,7 +312,7 @@ def test_elements_of_vectors_are_columns_as_those_of_lerobot(call, tmp_path):
     vectors = pd.DataFrame({name: list(values) for name, values in columns.items()})
     vectors.to_parquet(tmp_path / "servo" / "file-000.parquet")
     assert call(f"init servo {INIT} --gains 4,0.05")[0] == 0
-    document = tomllib.loads((tmp_path / "servo" / "dataset.toml").read_text())
+    document = written(tmp_path / "servo")
     assert document["actuator"]["target"] == "action[0]"
     angle = load_dataset(tmp_path / "servo").recordings[0].angle.value[:, 0]
     np.testing.assert_array_equal(np.abs(angle), np.abs(Q))  # signs are guessed

@@ -82,14 +82,19 @@ def call(arm, exact, tmp_path, run):
     return init
 
 
-def named(pattern, values):
-    return {pattern.format(n): v for n, v in zip(("one", "two", "three"), values.T, strict=True)}
+JOINTS, LEGS = ("one", "two", "three"), ("hip", "knee")
+
+
+def named(parts, joints=JOINTS):
+    """Columns of values (T, n) by the names of the joints, of each pattern of a name."""
+    pairs = [(pattern, values, j) for pattern, values in parts.items() for j in range(len(joints))]
+    return {pattern.format(joints[j]): values[:, j] for pattern, values, j in pairs}
 
 
 @pytest.fixture
 def joints(exact):
     """Columns of the angles and torques of the joints."""
-    return {**named("q_{}", exact[1]), **named("tau_{}", exact[2])}
+    return named({"q_{}": exact[1], "tau_{}": exact[2]})
 
 
 def same(folder, exact):
@@ -113,7 +118,7 @@ def test_columns_of_sensors_come_before_filtered_ones_and_commands(call, exact):
 def test_degrees_of_joints_are_known_by_the_limits_of_the_file(call, exact):
     time, q, u = exact
     w = np.degrees(np.gradient(q, time, axis=0))
-    table = {**named("pos_{}", np.degrees(q)), **named("vel_{}", w), **named("effort_{}", u)}
+    table = named({"pos_{}": np.degrees(q), "vel_{}": w, "effort_{}": u})
     document, out = call(dict(reversed(table.items())))
     assert document["mechanism"]["joints"] == ["one", "two", "three"]
     assert document["units"]["angle"] == "deg" and "motor" not in document
@@ -131,10 +136,8 @@ def test_the_only_robot_of_a_folder_is_taken_and_meshes_are_not_looked_at(call, 
 
 def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
     _, q, u = exact
-    motors = {
-        **{f"motor_angle_{j + 1}": x for j, x in enumerate(((q - wrist.ZERO) @ GEARS).T)},
-        **{f"motor_torque_{j + 1}": x for j, x in enumerate((u @ np.linalg.inv(GEARS)).T)},
-    }
+    turned, torques = (q - wrist.ZERO) @ GEARS, u @ np.linalg.inv(GEARS)
+    motors = named({"motor_angle_{}": turned, "motor_torque_{}": torques}, range(1, 4))
     document, out = call(motors)
     assert document["motor"]["gear"] == 1.0 and "missing: gear ratios (--gear" in out
     # with the gears, the motion itself says where the angles have their zero
@@ -164,14 +167,12 @@ def test_a_bag_of_joint_states_is_a_table(exact, tmp_path, run, plugin):
 
 
 def test_columns_may_count_from_zero_and_observers_measure_nothing(exact, tmp_path):
-    for names in (("one", "two", "three"), ("joint_1", "joint_2", "joint_3")):
+    for names in (JOINTS, ("joint_1", "joint_2", "joint_3")):
         text = wrist.URDF
-        for name, other in zip(("one", "two", "three"), names, strict=True):
+        for name, other in zip(JOINTS, names, strict=True):
             text = text.replace(f'joint name="{name}"', f'joint name="{other}"')
         (tmp_path / "wrist.urdf").write_text(text)
-        columns = {
-            f"{key}_{j}": exact[1][:, j] for key in ("ext_tau", "q", "tau") for j in range(3)
-        }
+        columns = named(dict.fromkeys(("ext_tau_{}", "q_{}", "tau_{}"), exact[1]), range(3))
         table = Table("a.csv", np.arange(len(exact[1])), columns)
         chosen = robot_columns(robot_file(tmp_path).robot, table)
         assert tuple(j.name for j in chosen.joints) == names
@@ -186,7 +187,7 @@ def test_a_joint_that_hardly_moves_is_locked_where_it_stands(arm, tmp_path, run)
     for name in ("joint 1", "joint 2"):
         q = frames[name][wrist.COLUMNS[0]].to_numpy() @ np.linalg.inv(wrist.GEARS.T) + wrist.ZERO
         u = frames[name][wrist.COLUMNS[1]].to_numpy() @ wrist.GEARS
-        columns = {"t": frames[name]["t"], **named("q_{}", q), **named("tau_{}", u)}
+        columns = {"t": frames[name]["t"], **named({"q_{}": q, "tau_{}": u})}
         pd.DataFrame(columns).to_csv(tmp_path / "log" / f"{name}.csv", index=False)
     code, out, _ = run(tmp_path, "init", "log", "--mechanism", "wrist.urdf")
     assert code == 0 and "three: hardly any motion in these tables" in out
@@ -197,13 +198,13 @@ def test_a_joint_that_hardly_moves_is_locked_where_it_stands(arm, tmp_path, run)
 def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exact):
     _, q, u = exact
     factors = np.array([3.0, -2.0, 5.0])
-    currents = {**named("q_{}", q), **named("current_{} [A]", u / factors)}
+    currents = named({"q_{}": q, "current_{} [A]": u / factors})
     document, out = call(currents)
     assert document["motor"]["kt"] == 1.0 and "missing: torque constants" in out
     np.testing.assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
     document, _ = call(currents, "--gear", "2")
     np.testing.assert_allclose(document["motor"]["kt"], factors / 2, rtol=0.05)
-    document, out = call({**named("q_{}", q), **named("motor_torque_{} [N m]", u / factors)})
+    document, out = call(named({"q_{}": q, "motor_torque_{} [N m]": u / factors}))
     assert document["motor"]["torque"] == "motor" and "taken as the masses of the file" in out
     np.testing.assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
     noise = np.random.default_rng(0).normal(size=len(q))
@@ -214,7 +215,7 @@ def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exac
     assert document["mechanism"]["joints"] == ["one", "two"]
     assert "three" in document["mechanism"]["locked"]
     assert "in current_three [A] no load shows" in " ".join(out.replace("#", "").split())
-    currents = {**named("q_{}", q), **named("current_{} [A]", u / 3.0)}
+    currents = named({"q_{}": q, "current_{} [A]": u / 3.0})
     document, out = call(currents, "--kt", "0.05", "--gear", "60")
     assert document["motor"] == {"kt": 0.05, "gear": 60.0} and "missing: torque" not in out
     same(call.folder, exact)
@@ -222,7 +223,7 @@ def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exac
 
 def test_several_signs_are_corrected_one_after_the_other(call, exact):
     _, q, u = exact
-    turned = {**named("q_{}", q), **named("current_{} [A]", u * [1.0, -1.0, -1.0])}
+    turned = named({"q_{}": q, "current_{} [A]": u * [1.0, -1.0, -1.0]})
     _, out = call(turned, "--kt", "1", "--gear", "1")
     assert "corrected: " in out
     same(call.folder, exact)
@@ -233,7 +234,7 @@ def test_velocities_behind_a_filter_are_left_out(call, exact):
     late = np.gradient(q, time, axis=0)
     for k in range(1, len(late)):
         late[k] = late[k - 1] + 0.05 * (late[k] - late[k - 1])  # 0.1 s
-    columns = {**named("q_{}", q), **named("vel_{}", late), **named("tau_{}", u)}
+    columns = named({"q_{}": q, "vel_{}": late, "tau_{}": u})
     document, out = call(columns)
     assert "velocity" not in document["columns"] and "velocities are left out" in out
 
@@ -241,7 +242,7 @@ def test_velocities_behind_a_filter_are_left_out(call, exact):
 def test_joints_without_a_torque_are_locked_where_they_are(call, exact):
     _, q, u = exact
     u = u * [1.0, 1.0, 1e-4]
-    document, out = call({**named("q_{}", q), **named("tau_{}", u)}, known=(("one", 0.4),))
+    document, out = call(named({"q_{}": q, "tau_{}": u}), known=(("one", 0.4),))
     assert document["mechanism"]["joints"] == ["one", "two"]
     assert document["mechanism"]["locked"]["three"] == pytest.approx(q[:, 2].mean(), abs=1e-3)
     assert "tau_three stay near zero" in out
@@ -251,7 +252,7 @@ def test_a_free_root_is_held_and_targets_stand_for_torques(call, exact, tmp_path
     pytest.importorskip("mujoco")
     _, q, _ = exact
     (tmp_path / "legged.xml").write_text(LEGGED)
-    columns = {"q_hip": q[:, 0], "q_knee": q[:, 1], "goal_hip": q[:, 0], "goal_knee": q[:, 1]}
+    columns = named({"q_{}": q, "goal_{}": q}, LEGS)
     monkeypatch.chdir(tmp_path)
     document, out = call(columns, "--gains", "20,1.5", robot="legged.xml", known=())
     assert document["mechanism"]["base"] == "trunk" and "it is held" in out
@@ -271,7 +272,7 @@ def test_gains_are_those_of_the_files_position_actuators(call, exact, tmp_path):
         'gainprm="30" biastype="affine" biasprm="0 -30 -1.5"/></actuator>'
     )
     (tmp_path / "legged.xml").write_text(LEGGED.replace(actuators, servos))
-    columns = {"q_hip": q[:, 0], "q_knee": q[:, 1], "goal_hip": q[:, 0], "goal_knee": q[:, 1]}
+    columns = named({"q_{}": q, "goal_{}": q}, LEGS)
     for given, P, D in (((), [20.0, 30.0], 1.5), (("--gains", "7,1"), 7.0, 1.0)):
         document, out = call(columns, *given, robot="legged.xml", known=())
         assert (document["actuator"]["P"], document["actuator"]["D"]) == (P, D)
@@ -289,12 +290,9 @@ def test_the_first_suite_has_the_method_of_fit_and_the_laws_of_quick(
 ):
     _, q, u = exact
     (tmp_path / "legged.xml").write_text(LEGGED)
-    names = ("one", "two", "three") if joints == 3 else ("hip", "knee")
-    second = u if column == "tau" else q
-    columns = {f"q_{name}": q[:, j] for j, name in enumerate(names)}
-    columns |= {f"{column}_{name}": second[:, j] for j, name in enumerate(names)}
-    robot = arm.options["urdf"] if joints == 3 else "legged.xml"
-    call(columns, robot=robot, known=())
+    robot, names = (arm.options["urdf"], JOINTS) if joints == 3 else ("legged.xml", LEGS)
+    columns = {"q_{}": q, f"{column}_{{}}": u if column == "tau" else q}
+    call(named(columns, names), robot=robot, known=())
     tasks = tasks_of(load_suite(call.folder / "suite.toml"), call.folder / "suite.toml")
     data = load_dataset(call.folder)
     assert {task.recipe.name for task in tasks} == {method}
@@ -308,7 +306,7 @@ def test_a_free_root_with_an_imu_floats(call, exact, tmp_path):
     still = np.zeros(len(time))
     gyro = {f"imu_gyro_{axis} [deg/s]": 40.0 * np.cos(time) for axis in "xyz"}
     acc = {f"imu_acc_{axis}": still + (axis == "z") for axis in "xyz"}
-    columns = {"q_hip": q[:, 0], "q_knee": q[:, 1], "tau_hip": u[:, 0], "tau_knee": u[:, 1]}
+    columns = named({"q_{}": q, "tau_{}": u}, LEGS)
     document, out = call({**gyro, **acc, **columns}, robot="legged.xml", known=())
     assert document["mechanism"]["floating"] is True and document["mechanism"]["base"] == "trunk"
     assert document["base"]["angular_velocity"] == list(gyro)
@@ -364,10 +362,10 @@ def test_columns_may_be_called_as_the_joints(names, tmp_path):
 
 
 def test_columns_that_are_left_over_are_torques_where_each_joint_has_one(call, exact):
-    angles, torques = named("q_{}", exact[1]), named("m_{}", exact[2])
+    angles, torques = named({"q_{}": exact[1]}), named({"m_{}": exact[2]})
     document, out = call(angles | torques)
     assert document["columns"]["torque"] == [*torques] and "a guess, as no other column" in out
-    for others in (torques | {"b": exact[1][:, 0]}, named("qdd_{}", exact[2])):
+    for others in (torques | {"b": exact[1][:, 0]}, named({"qdd_{}": exact[2]})):
         document, out = call(angles | others)
         assert document["mechanism"]["driven"] is False and "missing: torques or currents" in out
         assert "corrected" not in out  # by how joints fall that nothing drives
