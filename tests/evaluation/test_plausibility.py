@@ -22,6 +22,12 @@ GRID = np.linspace(-4.0, 4.0, 401)[:, None]
 TRUE = 0.1 * np.sign(GRID) + 0.02 * GRID
 
 
+def test_coulomb_and_viscous_friction_is_plausible():
+    assert lowest_dissipation(GRID, TRUE) > 0.5
+    assert asymmetry(GRID, TRUE) == pytest.approx(0.0, abs=1e-12)
+    assert tail_drop(GRID, TRUE) < 0
+
+
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_friction_that_drives_in_one_direction_is_found(side):
     drives = np.where(side * GRID > 3.0, -TRUE, TRUE)
