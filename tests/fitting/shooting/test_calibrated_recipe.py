@@ -15,7 +15,7 @@ from frictionid.comparison.result_folder import write_sealed
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipes_of
 from frictionid.comparison.suite_tasks import tasks_of
-from frictionid.comparison.tasks import Task, document, prepare_benchmarks
+from frictionid.comparison.tasks import Task, content_of, prepare_benchmarks
 from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
 from frictionid.fitting.identifiers import Flexible, Frictionless, LeastSquares, SINDy
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
@@ -151,7 +151,7 @@ def test_parameters_of_the_calibration_count_for_every_family(results):
 def test_what_is_finished_is_not_calibrated_anew(results, tmp_path):
     benchmark, _, _, corrected = results
     task = Task(benchmark, "rubs", RUBS, CORRECTED, 0)
-    write_sealed(tmp_path / task.file, document(task, corrected))
+    write_sealed(tmp_path / task.file, {"digest": task.digest, **content_of(task, corrected)})
     (prepared,) = prepare_benchmarks([task], kept=[tmp_path]).values()
     assert not prepared.training.calibrations
 
