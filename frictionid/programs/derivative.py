@@ -64,26 +64,12 @@ def _rate(record: _Record, line: Line, changes: tuple[Operand, ...], result: Ope
     if operation in ("maximum", "minimum"):
         first = record("less", *(operands[::-1] if operation == "maximum" else operands))
         return record("select", first, *changes)
-    if operation == "power":
-        return _of_power(record, operands, changes, result)
     slopes = _slopes(record, operation, operands, result)
     total: Operand = 0.0
     for slope, change in zip(slopes, changes, strict=bool(slopes)):
         if change != 0.0:
             total = record("add", total, record("multiply", slope, change))
     return total
-
-
-def _of_power(
-    record: _Record, operands: tuple[Operand, ...], changes: tuple[Operand, ...], result: Operand
-) -> Operand:
-    a, b = operands
-    lower = record("power", a, record("subtract", b, 1.0))
-    total = record("multiply", record("multiply", b, lower), changes[0])
-    if changes[1] == 0.0:
-        return total
-    by_exponent = record("multiply", result, record("log", a))
-    return record("add", total, record("multiply", by_exponent, changes[1]))
 
 
 def _slopes(
@@ -97,6 +83,11 @@ def _slopes(
         case "divide":
             by_divisor = record("negative", record("divide", result, operands[1]))
             return record("divide", 1.0, operands[1]), by_divisor
+        case "power":
+            lower = record("power", a, record("subtract", operands[1], 1.0))
+            return record("multiply", operands[1], lower), record(
+                "multiply", result, record("log", a)
+            )
         case "absolute":
             return (record("sign", a),)
         case "sqrt":

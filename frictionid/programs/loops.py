@@ -10,7 +10,7 @@ compiled otherwise runs as it is.
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, wraps
+from functools import cache, partialmethod, wraps
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -100,42 +100,24 @@ class Number:
     def __init__(self, recorder: Recorder, operand: Operand) -> None:
         self.recorder, self.operand = recorder, operand
 
-    def _record(self, operation: str, *numbers: Any) -> Any:
-        operands = (x.operand if isinstance(x, Number) else float(x) for x in numbers)
+    def _record(self, operation: str, *others: Any) -> Any:
+        operands = (x.operand if isinstance(x, Number) else float(x) for x in (self, *others))
         result = self.recorder.record(operation, *operands)
         return Number(self.recorder, result) if isinstance(result, Value) else result
 
-    def __add__(self, other: Any) -> Any:
-        return self._record("add", self, other)
+    def _record_behind(self, operation: str, other: Any) -> Any:
+        return Number(self.recorder, float(other))._record(operation, self)
 
-    def __radd__(self, other: Any) -> Any:
-        return self._record("add", other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return self._record("subtract", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self._record("subtract", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return self._record("multiply", self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return self._record("multiply", other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return self._record("divide", self, other)
-
-    def __neg__(self) -> Any:
-        return self._record("negative", self)
-
-    def sin(self) -> Any:
-        """Its sine, which NumPy asks for."""
-        return self._record("sin", self)
-
-    def cos(self) -> Any:
-        """Its cosine."""
-        return self._record("cos", self)
+    __add__ = partialmethod(_record, "add")
+    __radd__ = partialmethod(_record_behind, "add")
+    __sub__ = partialmethod(_record, "subtract")
+    __rsub__ = partialmethod(_record_behind, "subtract")
+    __mul__ = partialmethod(_record, "multiply")
+    __rmul__ = partialmethod(_record_behind, "multiply")
+    __truediv__ = partialmethod(_record, "divide")
+    __neg__ = partialmethod(_record, "negative")
+    sin = partialmethod(_record, "sin")  # NumPy asks an entry for them
+    cos = partialmethod(_record, "cos")
 
 
 def traced_loop(
@@ -154,17 +136,10 @@ def traced_loop(
     def operand(number: Any) -> Operand:
         return number.operand if isinstance(number, Number) else float(number)
 
-    numbers = [_each(number, np.asarray(x).view(np.ndarray))[None] for x in arrays]
+    numbers = [np.frompyfunc(number, 1, 1)(np.asarray(x))[None] for x in arrays]
     out = [np.empty((1, *shape), dtype=object) for shape in shapes]
     interpreted(loop)(geometry, *numbers, *out)
-    return [as_traced(recorder, _each(operand, x[0])) for x in out]
-
-
-def _each(function: Callable[[Any], Any], array: Array) -> Array:
-    out = np.empty(array.shape, dtype=object)
-    for index in np.ndindex(out.shape):
-        out[index] = function(array[index])
-    return out
+    return [as_traced(recorder, np.frompyfunc(operand, 1, 1)(x[0])) for x in out]
 
 
 @cache

@@ -60,7 +60,7 @@ class Recorder:
 def _simplified(operation: str, operands: tuple[Operand, ...]) -> Operand | None:
     """What needs no line: numbers alone, and sums and products with 0 and 1."""
     if not any(isinstance(v, Value) for v in operands):
-        return OPERATIONS[operation].value(*operands)
+        return OPERATIONS[operation](*operands)
     if operation == "select":
         test, yes, no = operands
         if not isinstance(test, Value):
@@ -113,38 +113,26 @@ class Traced(np.ndarray):
             For functions that programs do not have.
         """
         name = _SAME.get(ufunc.__name__, ufunc.__name__)
-        recorder = recorder_of(inputs)
         if name == "matmul" and method == "__call__":
-            return _product(*(as_traced(recorder, a) for a in inputs))
+            return _product(*inputs)
         if dtype not in (None, bool, object) or where is not True:
             raise NotImplementedError(f"{ufunc.__name__} of some entries, or of a type")
         if method == "reduce":
-            return _reduced(recorder, name, as_traced(recorder, inputs[0]), axis, keepdims)
+            return _reduced(name, inputs[0], axis, keepdims)
         if method != "__call__" or name not in {**OPERATIONS, **_COMPOSED}:
             raise NotImplementedError(ufunc.__name__)
-        return self._apply(recorder, name, inputs)
-
-    def _apply(self, recorder: Recorder, name: str, inputs: Any) -> Array:
-        def recorded(*operands: Operand) -> Operand:
-            values = tuple(v if isinstance(v, Value) else float(v) for v in operands)
-            if name in _COMPOSED:
-                return _COMPOSED[name](recorder.record, *values)
-            return recorder.record(name, *values)
-
-        return _each(recorder, recorded, *inputs)
+        return _applied(recorder_of(inputs), name, *inputs)
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         recorder = recorder_of(args)
         if func is np.where and len(args) == 3:
-            return self._apply(recorder, "select", args)
+            return _applied(recorder, "select", *args)
         if func is np.astype:  # values of a program are of one type
             return args[0]
         if func is np.linalg.solve:
-            return _solution(*(as_traced(recorder, a) for a in args))
+            return _solution(*args)
         if func is np.linalg.inv:
-            return _solution(
-                as_traced(recorder, args[0]), as_traced(recorder, np.eye(len(args[0])))
-            )
+            return _solution(args[0], np.eye(len(args[0])))
         result = super().__array_function__(func, types, args, kwargs)
         if isinstance(result, list | tuple):
             return type(result)(as_traced(recorder, array) for array in result)
@@ -152,6 +140,19 @@ class Traced(np.ndarray):
 
     def __bool__(self) -> bool:
         raise NotImplementedError("a decision by values that are not known")
+
+
+def _applied(recorder: Recorder, name: str, *arrays: Any) -> Any:
+    """An operation on entries, over arrays that broadcast."""
+
+    def recorded(*operands: Any) -> Operand:
+        values = tuple(v if isinstance(v, Value) else float(v) for v in operands)
+        if name in _COMPOSED:
+            return _COMPOSED[name](recorder.record, *values)
+        return recorder.record(name, *values)
+
+    entries = np.frompyfunc(recorded, len(arrays), 1)(*map(_boxed, arrays))
+    return as_traced(recorder, entries)
 
 
 def recorder_of(arrays: Any) -> Recorder:
@@ -163,15 +164,6 @@ def recorder_of(arrays: Any) -> Recorder:
             with suppress(LookupError):
                 return recorder_of(array)
     raise LookupError("no traced array")
-
-
-def _each(recorder: Recorder, function: Callable[..., Operand], *arrays: Any) -> Array:
-    """A function of entries, over arrays that broadcast."""
-    parts = np.broadcast_arrays(*(np.asarray(_boxed(a)) for a in arrays))
-    out = np.empty(parts[0].shape, dtype=object)
-    for index in np.ndindex(out.shape):
-        out[index] = function(*(part[index] for part in parts))
-    return as_traced(recorder, out)
 
 
 def _boxed(array: Any) -> Array:
@@ -208,14 +200,15 @@ def _solution(matrix: Any, right: Any) -> Any:
     return np.stack(rows)[:, n:]
 
 
-def _reduced(recorder: Recorder, name: str, array: Any, axis: Any, keepdims: bool) -> Any:
+def _reduced(name: str, array: Any, axis: Any, keepdims: bool) -> Any:
     """Sum, greatest or least along axes."""
+    recorder = array.recorder
     axes = range(array.ndim) if axis is None else np.atleast_1d(axis) % array.ndim
     for k in sorted(map(int, axes), reverse=True):
         parts = [as_traced(recorder, array.take(i, axis=k)) for i in range(array.shape[k])]
         total = parts[0] if parts else as_traced(recorder, np.zeros(np.delete(array.shape, k)))
         for part in parts[1:]:
-            total = array._apply(recorder, name, (total, part))
+            total = _applied(recorder, name, total, part)
         array = np.expand_dims(total, k) if keepdims else total
     return array
 

@@ -12,14 +12,14 @@ from pydantic import Field
 from frictionid.api.machines import Machine, Nearest
 from frictionid.arrays import Array
 from frictionid.config import validated
-from frictionid.data.calibration import calibrated_dataset
+from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.envelope import Envelope
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import PositionControl, position_control
 from frictionid.errors import InputError, printable
 from frictionid.evaluation import Protocol, prepare, prepared_for
 from frictionid.evaluation.prepared import HORIZONS_OF_ARMS, Prepared, is_arm, with_calibration
-from frictionid.friction import Friction, Inputs, Law
+from frictionid.friction import Friction, Inputs, Law, at_rest
 from frictionid.friction.law import refuse_temperature
 from frictionid.mechanics import Mechanism
 from frictionid.programs.program import Program
@@ -98,6 +98,11 @@ class ExportedFriction:
         return bare(self.friction.law)
 
     @property
+    def calibration(self) -> Calibration:
+        """What the fit corrects of machine and sensors; nothing where it has no calibration."""
+        return self.friction.calibration or Calibration.ideal(self.friction.n)
+
+    @property
     def units(self) -> tuple[str, ...]:
         """Unit of the position of each part: "rad" or "m"."""
         return self.friction.position_units or ("rad",) * self.friction.n
@@ -119,17 +124,13 @@ class ExportedFriction:
     @property
     def delay(self) -> float:
         """Delay [s] of the motors' commands: of a servo's targets, else of the torque."""
-        calibration = self.friction.calibration
-        if self.drive is not None:
-            return float(self.drive.delay)
-        return 0.0 if calibration is None else float(calibration.delay)
+        return float((self.drive or self.calibration).delay)
 
     @property
     def backlash(self) -> float | Array:
         """Backlash of each joint's encoder [rad or m], of servos."""
-        calibration = self.friction.calibration
-        if calibration is not None and calibration.backlash is not None:
-            return calibration.backlash
+        if self.calibration.backlash is not None:
+            return self.calibration.backlash
         servo = None if self.data is None else self.data.recordings[0].servo
         return 0.0 if servo is None else servo.backlash
 
@@ -272,9 +273,9 @@ def _driven(friction: Friction, data: Dataset) -> tuple[Mechanism, PositionContr
 
 def _programs(friction: Friction) -> Programs:
     law, theta, n = friction.law, friction.theta, friction.n
-    count = len(law.start(theta, Inputs(*(np.zeros(n) for _ in INPUTS))))
+    count = len(law.start(theta, at_rest(np.zeros(n))))
     entries = [f"memory_{i + 1}" for i in range(count)]
-    sizes, memory_sizes = dict.fromkeys(INPUTS, n), dict.fromkeys(entries, n)
+    sizes = dict.fromkeys(INPUTS, n)
 
     def torque(x: Mapping[str, Array]) -> Mapping[str, Array]:
         return {"Tf": law.torque(theta, inputs_of(x), tuple(x[m] for m in entries))}
@@ -286,10 +287,11 @@ def _programs(friction: Friction) -> Programs:
     def start(x: Mapping[str, Array]) -> Mapping[str, Array]:
         return dict(zip(entries, law.start(theta, inputs_of(x)), strict=True))
 
+    with_memory = sizes | dict.fromkeys(entries, n)
     try:
         programs = (
-            traced(torque, sizes | memory_sizes),
-            traced(advance, sizes | memory_sizes | {"dt": 1}),
+            traced(torque, with_memory),
+            traced(advance, with_memory | {"dt": 1}),
             traced(start, sizes),
         )
     except (NotImplementedError, TypeError, ValueError) as error:

@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from frictionid.programs.program import OPERATIONS, Line, Operand, Program, Value
+from frictionid.programs.program import Line, Operand, Program, Value
 
-from .exported import ExportedFriction
+from .exported import ExportedFriction, ExportSettings
 
 TRUTHS = ("less", "less_equal", "equal", "and", "or", "not")  # operations that give true or false
 # operations of values of other libraries, by Python's operators
@@ -151,7 +151,11 @@ _LEVELS = {
     **{"add": ADDED, "subtract": ADDED, "multiply": MULTIPLIED, "divide": MULTIPLIED},
     "power": POWER,
 }
-_SUMS = {"add": "+", "subtract": "-", "multiply": "*", "divide": "/"}
+_OF_TWO = ("maximum", "minimum", "power")  # functions of two operands
+_USUAL = {
+    **{"add": "+", "subtract": "-", "multiply": "*", "divide": "/"},
+    **{"less": "<", "less_equal": "<=", "equal": "=="},
+}
 
 
 def forms(syntax: Mapping[str, str | Form]) -> dict[str, Form]:
@@ -164,16 +168,18 @@ def forms(syntax: Mapping[str, str | Form]) -> dict[str, Form]:
     ('EXP({})', '{} || {}')
     """
     negative = Form("-{}", NEGATED, (MULTIPLIED,))
-    return {"negative": negative} | {k: _form(k, v) for k, v in {**_SUMS, **syntax}.items()}
+    return {"negative": negative} | {k: _form(k, v) for k, v in {**_USUAL, **syntax}.items()}
 
 
 def _form(operation: str, text: str | Form) -> Form:
     if isinstance(text, Form):
         return text
-    count = OPERATIONS[operation].operands if operation in OPERATIONS else 1
-    if "{" in text or text.endswith("("):
-        call = text if "{" in text else f"{text}{', '.join(['{}'] * count)})"
-        return Form(call, CALLED, (ANY,) * count)
+    if "{" in text:
+        return Form(text, CALLED, (ANY,) * 3)
+    if text.endswith("("):
+        return Form(
+            f"{text}{{}}, {{}})" if operation in _OF_TWO else f"{text}{{}})", CALLED, (ANY,) * 2
+        )
     level = _LEVELS[operation]
     left = {ADDED: ADDED, MULTIPLIED: NEGATED}.get(level, level + 1)
     return Form(f"{{}} {text} {{}}", level, (left, MULTIPLIED if level == ADDED else level + 1))
@@ -301,11 +307,14 @@ def functions(model: ExportedFriction) -> tuple[Function, ...]:
     )
 
 
-def rendered(template: str, model: ExportedFriction, context: Mapping[str, Any]) -> bytes:
-    """Text of a template of this room, which knows the friction."""
+def rendered(
+    template: str, model: ExportedFriction, settings: ExportSettings, context: Mapping[str, Any]
+) -> bytes:
+    """Text of a template of this room, which knows the friction and the settings."""
     from frictionid.report.tables import environment
 
     filters = (("folded", folded), ("repr", repr))
     templates = environment("frictionid.deploy.export", filters=filters)
-    names = {"model": model, "n": len(model.joints), **context}
+    names = {"model": model, "n": len(model.joints), "real": settings.precision}
+    names |= {**vars(settings), **context}
     return templates.get_template(template).render(names).encode()

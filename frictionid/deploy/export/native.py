@@ -119,11 +119,9 @@ def actuator_of(model: ExportedFriction, j: int) -> tuple[str, dict[str, str]]:
     A `dcmotor` where it has an envelope, else a `general`, as a torque needs that is scaled or
     biased. Its control is the target of a servo, which is delayed, else the logged torque.
     """
-    drive, calibration, envelope = model.drive, model.friction.calibration, model.envelope(j)
-    gain, bias = 1.0, 0.0
-    if drive is None and calibration is not None:
-        gain, bias = (float(np.asarray(x)[j]) for x in (calibration.gain, calibration.bias))
-    if (gain, bias) != (1.0, 0.0):
+    drive, envelope = model.drive, model.envelope(j)
+    gain, bias = (float(np.asarray(x)[j]) for x in (model.calibration.gain, model.calibration.bias))
+    if drive is None and (gain, bias) != (1.0, 0.0):
         return "general", _affine(gain, (bias, 0.0, 0.0))
     if envelope is not None:
         gains = (0.0, 0.0) if drive is None else (drive.kp[j], drive.kv[j])

@@ -177,10 +177,8 @@ def lost_of_motors(model: ExportedFriction, target: str, *, has_drives: bool) ->
 
     has_drives : whether it holds delay and envelope of position control
     """
-    drive, calibration = model.drive, model.friction.calibration
-    holds, motors = has_drives and drive is not None, drive or calibration
-    gain = 1.0 if drive or calibration is None else calibration.gain
-    bias = 0.0 if motors is None else motors.bias
+    holds, bias = has_drives and model.drive is not None, (model.drive or model.calibration).bias
+    gain = 1.0 if model.drive else model.calibration.gain
     units = " or ".join(dict.fromkeys(model.torque_units))
     left = {
         f"gain ({listed(gain)})": np.any(np.not_equal(gain, 1.0)),
@@ -261,11 +259,10 @@ def cost_of(model: ExportedFriction, held: Friction, *, has_backlash: bool = Tru
     Raises
     ------
     InputError
-        Without data, and where no recording holds a prediction so long.
+        Where no recording holds a prediction so long.
     """
     data = model.prepared
-    if data is None:
-        raise InputError("what is lost shows on recorded motion: name a data set")
+    assert data is not None
     torques = [along(friction, data.integral.nodes) for friction in (model.friction, held)]
     rms = np.sqrt(((torques[0] - torques[1]) ** 2).mean(axis=0))
     initial = reaching(data.initial_states)

@@ -163,8 +163,7 @@ def _run(
 
 def logged(model: ExportedFriction, recording: Recording) -> Signal:
     """Commands of the actuators: logged targets in the calibration's angles, else torques."""
-    servo, calibration = recording.servo, model.friction.calibration
+    servo = recording.servo
     if model.drive is None or servo is None:
         return recording.torque
-    offset = 0.0 if calibration is None else calibration.offset
-    return servo.goal._replace(value=servo.goal.value - offset)
+    return servo.goal._replace(value=servo.goal.value - model.calibration.offset)

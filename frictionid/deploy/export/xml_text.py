@@ -19,7 +19,8 @@ _NAME = re.compile(rb"<[^\s/>]+")
 class Element:
     """An element, and where its tags stand in the file.
 
-    start, end : bytes of its start tag; close : where its end tag begins, `start` where it has none
+    start, end : bytes of its start tag
+    close : where its end tag begins, `start` where it has none; after : where the element ends
     """
 
     tag: str
@@ -28,6 +29,7 @@ class Element:
     end: int
     parent: "Element | None" = field(repr=False)
     close: int = 0
+    after: int = 0
     children: "list[Element]" = field(default_factory=list, repr=False)
 
     @property
@@ -79,6 +81,7 @@ def elements(text: bytes, where: str) -> list[Element]:
         element = within.pop()
         is_empty = text[element.end - 2 : element.end] == b"/>"
         element.close = element.start if is_empty else parser.CurrentByteIndex
+        element.after = element.end if is_empty else text.index(b">", element.close) + 1
 
     def refuse(*_: Any) -> None:
         raise InputError(f"{where}: has a document type (<!DOCTYPE ...>): remove it")

@@ -188,7 +188,8 @@ def write_code(watch: Watch, out: Path, read: Sequence[Path], *, replace: bool) 
     names = {"observer": source, "members": source.members, "band": watch.band, "array": _array}
     context = {**names, "motors": mechanism.motors, "arguments": arguments}
     head, body = (
-        ex.rendered(f"observer.{ending}.j2", model, context).decode() for ending in ("h", "c")
+        ex.rendered(f"observer.{ending}.j2", model, settings, context).decode()
+        for ending in ("h", "c")
     )
     end = "#ifdef __cplusplus\n}"
     header = written[".h"].decode().replace(end, f"{head}\n{end}")

@@ -111,9 +111,7 @@ _IDEAL = {"delay": 0.0, "gain": 1.0, "bias": 0.0, "offset": 0.0}
 
 def _uncalibrated(model: ExportedFriction) -> list[str]:
     """What BAM's test bench takes as it knows it, where the model has estimated something else."""
-    calibration = model.friction.calibration
-    if calibration is None:
-        return []
+    calibration = model.calibration
     names = [
         k for k, ideal in _IDEAL.items() if np.any(np.asarray(getattr(calibration, k)) != ideal)
     ]
@@ -144,13 +142,13 @@ def _smallest(friction: Friction, joint: int) -> tuple[str, dict[str, float]]:
 def _motor(model: ExportedFriction) -> tuple[dict[str, float], list[str]]:
     """Numbers of the motor by BAM's names, and those that are not known."""
     numbers: dict[str, Any] = dict(model.friction.parameters)
-    calibration = model.friction.calibration
-    if calibration is not None and calibration.motor is not None:
+    calibration = model.calibration
+    if calibration.motor is not None:
         numbers["kt"], numbers["R"] = map(float, calibration.motor)
     if model.data is not None:
         mechanism, servo = model.data.mechanism, model.data.recordings[0].servo
         nominal = mechanism.nominal()
-        if calibration is not None and calibration.base is not None and "rotor" in nominal:
+        if calibration.base is not None and "rotor" in nominal:
             # inertia of base parameters beyond the nominal one counts as the rotor's
             beyond = calibration.base[0] - mechanism.base(nominal)[0]
             numbers["rotor"] = nominal["rotor"] + float(beyond)

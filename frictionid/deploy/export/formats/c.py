@@ -13,15 +13,10 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """Source and header, with functions of arrays that have an entry for each joint."""
     real, functions = settings.precision, ex.functions(model)
     heads = {f.name: _head(f, len(model.joints), settings) for f in functions}
-    names = {
-        "name": settings.name,
-        "stem": settings.stem,
-        "real": real,
-        "language": _language(real),
-    }
-    context = {**names, "functions": functions, "heads": heads, "comment": comment}
+    names = {"language": _language(real), "functions": functions}
+    context = {**names, "heads": heads, "comment": comment}
     templates = {".c": "source.c.j2", ".h": "header.h.j2"}
-    files = {end: ex.rendered(name, model, context) for end, name in templates.items()}
+    files = {end: ex.rendered(name, model, settings, context) for end, name in templates.items()}
     note = f"compile with any C99 compiler and -lm; {'; '.join(heads.values())}"
     return Written(files, notes=(note,))
 
@@ -47,7 +42,7 @@ def _language(real: str) -> ex.Language:
     syntax: dict[str, str | ex.Form] = {
         **{operation: f"{name}{end}(" for operation, name in names.items()},
         **{"maximum": "max_of(", "minimum": "min_of(", "sign": "sign_of("},
-        **{"less": "<", "less_equal": "<=", "equal": "==", "and": "&&", "or": "||"},
+        **{"and": "&&", "or": "||"},
         "not": ex.Form("!{}", ex.CALLED, (ex.CALLED,)),
         "select": ex.Form("{} ? {} : {}", ex.CHOSEN, (ex.EITHER,) * 3),
         "number": ex.Form(f"({real}){{}}", ex.CALLED, (ex.CALLED,)),

@@ -7,7 +7,7 @@ friction torque can be written so.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -39,12 +39,11 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     lost = lost_by(model, friction, "PhysX", "static, dynamic and viscous effort")
     lost = [sentence for sentence in lost if " breaks away at " not in sentence]
     other = friction if lost else None
-    kind, groups = "ImplicitActuatorCfg", _alike(settings.name, model, np.zeros(friction.n))
+    kind, stall = "ImplicitActuatorCfg", np.zeros(friction.n)
     motors = [model.envelope(j) for j in range(friction.n)]
-    envelopes = [motor for motor in motors if motor is not None]
-    if len(envelopes) == len(motors):
-        peak, stall, no_load = np.array([(m.peak, m.stall, m.no_load) for m in envelopes]).T
-        kind, groups = "DCMotorCfg", _alike(settings.name, model, stall)
+    if all(motors):
+        kind = "DCMotorCfg"
+        peak, stall, no_load = np.array([(m.peak, m.stall, m.no_load) for m in motors if m]).T
         values |= {"effort_limit": peak, "velocity_limit": no_load}
         if delay > 0:
             lost.append(
@@ -55,37 +54,35 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         kind = "DelayedPDActuatorCfg"
     if delay < 0:
         lost.append("Isaac Lab delays commands, it cannot advance them: the model's delay is left")
-    configured = {name: _fields(model, values, list(joints)) for name, joints in groups.items()}
-    context = {"name": settings.name, "kind": kind, "groups": configured, "delay": delay}
-    code = rendered("isaac.py.j2", model, context)
+    groups = {
+        name: _fields(model, values, stall, joints)
+        for name, joints in _alike(settings.name, model, stall).items()
+    }
+    context = {"kind": kind, "groups": groups, "delay": delay}
+    code = rendered("isaac.py.j2", model, settings, context)
     return Written({".py": code}, tuple(lost), other)
 
 
-def _alike(name: str, model: ExportedFriction, stall: Array) -> dict[str, Sequence[int]]:
+def _alike(name: str, model: ExportedFriction, stall: Array) -> dict[str, Array]:
     """Joints by the name of their configuration: DCMotor has one saturation effort for all."""
-    efforts = np.unique(stall)
-    if len(efforts) == 1:
-        return {name: range(len(stall))}
-    groups = [np.flatnonzero(stall == effort).tolist() for effort in efforts]
+    groups = [np.flatnonzero(stall == effort) for effort in np.unique(stall)]
+    if len(groups) == 1:
+        return {name: groups[0]}
     return {f"{name}_{model.joints[joints[0]]}": joints for joints in groups}
 
 
 def _fields(
-    model: ExportedFriction, values: Mapping[str, Array | None], joints: Sequence[int]
+    model: ExportedFriction, values: Mapping[str, Array | None], stall: Array, joints: Array
 ) -> dict[str, str]:
-    """Fields of a configuration as code."""
-    patterns, motor = [re.escape(model.joints[j]) for j in joints], model.envelope(joints[0])
+    """Fields of a configuration as code, by joint; None where a value stays as it is.
+
+    Infinite ones are left out.
+    """
+    patterns = [re.escape(model.joints[j]) for j in joints]
     code = {"joint_names_expr": repr(patterns)}
-    for name, row in values.items():
-        code[name] = _by_joint(patterns, None if row is None else row[joints])
-    if "velocity_limit" in values and motor is not None:
-        code["saturation_effort"] = repr(float(motor.stall))
+    for field, row in values.items():
+        pairs = zip(patterns, () if row is None else row[joints].tolist(), strict=False)
+        code[field] = repr({name: value for name, value in pairs if np.isfinite(value)} or None)
+    if "velocity_limit" in values:
+        code["saturation_effort"] = repr(float(stall[joints[0]]))
     return code
-
-
-def _by_joint(joints: list[str], row: Array | None) -> str:
-    """A value of each joint as code, None where it stays as it is; infinite ones are left out."""
-    if row is None:
-        return "None"
-    pairs = zip(joints, map(float, row), strict=True)
-    return repr({name: value for name, value in pairs if np.isfinite(value)} or None)

@@ -25,7 +25,7 @@ _SYNTAX: dict[str, str | ex.Form] = {
     "divide": ex.Form(r"\frac{{{}}}{{{}}}", ex.MULTIPLIED, (ex.ANY, ex.ANY)),
     "power": ex.Form("{}^{{{}}}", ex.POWER, (ex.CALLED, ex.ANY)),
     "log1p": ex.Form(r"\ln\left(1 + {}\right)", ex.CALLED, (ex.MULTIPLIED,)),
-    **{"less": "<", "less_equal": r"\le", "equal": "=", "and": r"\wedge", "or": r"\vee"},
+    **{"less_equal": r"\le", "equal": "=", "and": r"\wedge", "or": r"\vee"},
     "not": ex.Form(r"\neg {}", ex.CALLED, (ex.CALLED,)),
     "select": r"\begin{{cases}}{1} & {0}\\ {2} & \text{{else}}\end{{cases}}",
     "truth": ex.Form(r"{} \ne 0", ex.EQUAL, (ex.COMPARED,)),
@@ -52,7 +52,6 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     estimates = (e for e in estimates_of(friction) if e.block == "friction")
     noise_alone = friction.provenance.noise_alone
     context = {
-        "name": settings.name,
         "escaped": _escaped,
         "number": _number,
         "equations": [[line for f in functions for line in _lines(f, j)] for j in joints],
@@ -62,7 +61,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
             (e.joint, e.parameter): e.interval_95 for e in estimates if np.isfinite(e.error)
         },
     }
-    text = ex.rendered("equations.tex.j2", model, context)
+    text = ex.rendered("equations.tex.j2", model, settings, context)
     note = rf"\input{{{settings.stem}}}, with amsmath and booktabs"
     return Written({".tex": text}, notes=(note,))
 

@@ -10,6 +10,7 @@ after 1 s. Written files ask for the hardest that the time step allows: 0.0005 r
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -148,22 +149,13 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         where, notes, inertias = str(settings.into), [], kept_inertias(model, "MJCF")
         text, listed = read_xml(settings.into, "MJCF", "mujoco", "mujocoinclude")
     joints = _joints(listed, model, where)
-    values = _joint_values(friction, joints, listed)
-    if settings.into is not None:
-        values[0] |= {} if model.rotor is None else {"armature": repr(model.rotor)}
-        notes += _noted(joints, values, listed)
-    if any("solreffriction" in new for new in values):
-        notes.append(f'solreffriction="{_HARD}": friction is as hard as the time step allows')
-    changes = [
-        (joint.start, joint.end, with_attributes(text[joint.start : joint.end], new))
-        for joint, new in zip(joints, values, strict=True)
-    ]
-    driven, added, said = _drives(model, text, listed)
-    added += _passive_motors(friction, joints)
+    changes, passive, said = _with_friction(model, friction, joints, text, listed, settings.into)
+    driven, added, said_of_motors = _drives(model, text, listed)
+    added += passive
     if added:
         block = b"\n    ".join([b"  <actuator>", *added]) + b"\n  </actuator>\n"
         changes.append((listed[0].close, listed[0].close, block))
-    files, notes = {".xml": replaced(text, changes + driven)}, notes + said
+    files, notes = {".xml": replaced(text, changes + driven)}, notes + said + said_of_motors
     if not native and differs(model, friction):
         code, sentence = b"", "no callback: it adds friction to joints, not to tendons"
         if all(joint.tag == "joint" for joint in joints):
@@ -178,29 +170,39 @@ def replay(model: ExportedFriction, written: Written) -> Replay | None:
     return in_mujoco(model, written.files[".xml"].decode())
 
 
-def _joint_values(
-    friction: Friction, joints: list[Element], listed: list[Element]
-) -> list[dict[str, str]]:
-    """New attributes of the joints."""
-    values = [joint_values(friction, j) for j in range(friction.n)]
-    if not any(e.tag == "flag" and e.attributes.get("refsafe") == "disable" for e in listed):
-        for joint, new in zip(joints, values, strict=True):
-            if _inherited(joint, "solreffriction", listed) is None:
-                new["solreffriction"] = _HARD
-    return values
-
-
-def _noted(joints: list[Element], values: list[dict[str, str]], listed: list[Element]) -> list[str]:
-    """Sentences on what stood in a file, and on where it has to stay."""
+def _with_friction(
+    model: ExportedFriction,
+    friction: Friction,
+    joints: list[Element],
+    text: bytes,
+    listed: list[Element],
+    into: Path | None,
+) -> tuple[list[Change], list[bytes], list[str]]:
+    """Joints with new attributes, passive motors that hold their bristles or cogging, and notes."""
+    changes: list[Change] = []
+    motors: list[bytes] = []
     notes: list[str] = []
-    for joint, new in zip(joints, values, strict=True):
-        before = {name: _inherited(joint, name, listed) for name in _STATED if name in new}
-        notes += stated_before(joint.name, before, new)
-    if any(e.tag == "include" or "file" in e.attributes for e in listed):
+    hard = not any(e.tag == "flag" and e.attributes.get("refsafe") == "disable" for e in listed)
+    soft = [hard and _inherited(joint, "solreffriction", listed) is None for joint in joints]
+    for j, joint in enumerate(joints):
+        new = joint_values(friction, j) | ({"solreffriction": _HARD} if soft[j] else {})
+        if into is not None:
+            new |= {} if j or model.rotor is None else {"armature": repr(model.rotor)}
+            before = {name: _inherited(joint, name, listed) for name in _STATED if name in new}
+            notes += stated_before(joint.name, before, new)
+        tag = text[joint.start : joint.end]
+        changes.append((joint.start, joint.end, with_attributes(tag, new)))
+        if values := passive_motor(friction, j):
+            place = "joint" if joint.tag == "joint" else "tendon"
+            name = {"name": f"friction of {joint.name}", place: joint.name}
+            motors.append(element("dcmotor", {**name, **values}))
+    if into is not None and any(e.tag == "include" or "file" in e.attributes for e in listed):
         notes.append(
             "the MJCF names other files: keep it in the folder of the one that it is made from"
         )
-    return notes
+    if any(soft):
+        notes.append(f'solreffriction="{_HARD}": friction is as hard as the time step allows')
+    return changes, motors, notes
 
 
 def _drives(
@@ -238,7 +240,7 @@ def _drives(
                 kept.pop("ctrlrange", None)
                 kept["ctrllimited"] = "false"
             tag = element(kind, {**kept, **values, **late})
-            changes.append((e.start, e.end if e.is_empty else text.index(b">", e.close) + 1, tag))
+            changes.append((e.start, e.after, tag))
         elif late:
             changes.append((e.start, e.end, with_attributes(tag, late)))
     if servos:
@@ -265,21 +267,9 @@ def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
         notes.append(f"controls act {1e3 * delay:.3g} ms late, by their history (MuJoCo 3.5)")
     if delay < 0:
         notes.append(f"controls would act {-1e3 * delay:.3g} ms early: MuJoCo cannot advance them")
-    calibration = model.friction.calibration
-    if calibration is not None and np.any(calibration.offset):
+    if np.any(model.calibration.offset):
         notes.append("angles are the true ones: logged ones less the calibration's offset")
     return notes
-
-
-def _passive_motors(friction: Friction, joints: list[Element]) -> list[bytes]:
-    """Passive motors that hold bristles or cogging of the joints."""
-    added = []
-    for j, joint in enumerate(joints):
-        if values := passive_motor(friction, j):
-            place = "joint" if joint.tag == "joint" else "tendon"
-            name = {"name": f"friction of {joint.name}", place: joint.name}
-            added.append(element("dcmotor", {**name, **values}))
-    return added
 
 
 def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str]]:
@@ -292,15 +282,14 @@ def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str
             "mujoco: name the MJCF whose joints are given the friction (--into robot.xml), or the "
             "data set whose mechanism is written (--dataset)"
         )
-    parameters = model.friction.parameters
-    calibration = model.friction.calibration
-    if model.data is not None and calibration is not None and calibration.base is not None:
+    parameters, base = model.friction.parameters, model.calibration.base
+    if model.data is not None and base is not None:
         report_step("masses and inertias", 1)
         if isinstance(mechanism, RigidBodyTree):
-            mechanism, parameters = fitted_bodies(mechanism, calibration.base)
+            mechanism, parameters = fitted_bodies(mechanism, base)
         else:
-            parameters = physical_parameters(mechanism, calibration.base)
-        lost = not_reached(mechanism, parameters, calibration.base)
+            parameters = physical_parameters(mechanism, base)
+        lost = not_reached(mechanism, parameters, base)
         if not lost:
             notes.append("masses and inertias are such that the model's base parameters hold")
     used = {k: v for k, v in parameters.items() if k in mechanism.nominal()}
@@ -372,7 +361,7 @@ def callback(model: ExportedFriction, settings: ExportSettings) -> tuple[bytes, 
         "when": "> 0.0" if time is None else f">= {time * (1 - 1e-6)!r}",
         "follows": not has_memory and set(inputs) - {"w"},
     }
-    code = rendered("callback.py.j2", model, context)
+    code = rendered("callback.py.j2", model, settings, context)
     sentence = (
         "the callback beside the MJCF computes the model's own torque of sliding joints, with "
         "frictionloss at the break-away level: mujoco.set_mjcb_passive(Friction(model))"

@@ -9,7 +9,7 @@ _SYNTAX: dict[str, str | ex.Form] = {
     **{name: f"math.{name}(" for name in _MATH},
     **{"exp": "exp(", "sign": "sign(", "absolute": "abs(", "arctan": "math.atan("},
     **{"power": "**", "maximum": "max(", "minimum": "min(", "number": "float("},
-    **{"less": "<", "less_equal": "<=", "equal": "==", "and": "and", "or": "or"},
+    **{"and": "and", "or": "or"},
     "not": ex.Form("(not {})", ex.CALLED, (ex.BOTH,)),
     "select": ex.Form("{1} if {0} else {2}", ex.CHOSEN, (ex.EITHER,) * 3),
     "truth": ex.Form("{} != 0.0", ex.COMPARED, (ex.ADDED,)),
@@ -21,11 +21,10 @@ _RESULTS = {"start": "memory", "advance": "memory", "torque": "Tf"}
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A module with `start`, `torque` and `advance`, on lists with an entry for each joint."""
     functions = ex.functions(model)
-    names = {"name": settings.name, "language": LANGUAGE}
-    context = {**names, "functions": functions, "quoted": _quoted}
+    context = {"language": LANGUAGE, "functions": functions, "quoted": _quoted}
     calls = [f"{_RESULTS[f.name]} = {f.name}({', '.join(f.arguments)})" for f in functions]
     note = f"from {settings.stem} import *; {'; '.join(calls)}"
-    return Written({".py": ex.rendered("module.py.j2", model, context)}, notes=(note,))
+    return Written({".py": ex.rendered("module.py.j2", model, settings, context)}, notes=(note,))
 
 
 def _quoted(text: str) -> str:

@@ -5,8 +5,6 @@ by EXP such that it never overflows. Called once a cycle, the block advances its
 gives the torques; `reset` begins a motion.
 """
 
-from typing import Any
-
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex
@@ -20,10 +18,10 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A function block, and the functions that it calls."""
     real = "LREAL" if settings.precision == "double" else "REAL"
     functions = ex.functions(model)
-    names = {"name": settings.name, "real": real, "language": _language(settings.name, real)}
-    context: dict[str, Any] = {**names, "comment": _comment, "functions": functions}
-    context["code"] = {f.name: f.blocks(f"{f.name}_v") for f in functions}
-    text = ex.rendered("block.st.j2", model, context)
+    code = {f.name: f.blocks(f"{f.name}_v") for f in functions}
+    names = {"real": real, "language": _language(settings.name, real), "code": code}
+    context = {**names, "comment": _comment, "functions": functions}
+    text = ex.rendered("block.st.j2", model, settings, context)
     arguments = [*model.programs.inputs, *(["dt", "reset"] if model.programs.memory else [])]
     call = ", ".join(f"{x} := {x}" for x in arguments)
     note = f"{settings.name}({call}); once a cycle, then read Tf"
@@ -43,7 +41,7 @@ def _language(name: str, real: str) -> ex.Language:
         **{helper: f"{name}_{helper}(" for helper in _HELPERS},
         **{"absolute": "ABS(", "sqrt": "SQRT(", "log": "LN(", "arctan": "ATAN(", "sin": "SIN("},
         **{"cos": "COS(", "power": "EXPT(", "maximum": "MAX(", "minimum": "MIN("},
-        **{"less": "<", "less_equal": "<=", "equal": "=", "and": "AND", "or": "OR"},
+        **{"equal": "=", "and": "AND", "or": "OR"},
         **{"not": "NOT (", "select": "SEL({0}, {2}, {1})", "number": "SEL({}, 0.0, 1.0)"},
         "truth": ex.Form("{} <> 0.0", ex.EQUAL, (ex.COMPARED,)),
     }

@@ -74,9 +74,7 @@ def _inserted(text: bytes, joint: Element, new: bytes) -> tuple[int, int, bytes]
         return joint.start, joint.end, tag + b">" + new + b"</joint>"
     if not joint.children:
         return joint.close, joint.close, new
-    last = joint.children[-1]
-    end = last.end if last.is_empty else text.index(b">", last.close) + 1
-    first = joint.children[0].start
+    first, end = joint.children[0].start, joint.children[-1].after
     line = text.rfind(b"\n", joint.end, first)
     line -= text[line - 1 : line] == b"\r"
     indent = text[line:first] if line >= 0 else b""
