@@ -9,7 +9,7 @@ found by exchange [Fedorov1972]. New signals come from the best and nearly best 
 changes and by differences between two of them [Storn1997].
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
@@ -149,14 +149,13 @@ def _children(parents: Array, count: int, random: np.random.Generator) -> Array:
 
 
 def exchange(
-    pool: Information, scale: Array, recordings: int, initial: Array | None = None
+    pool: Information, scale: Array, recordings: int, initial: Sequence[int] | Array = ()
 ) -> tuple[Array, float]:
     """Indices (R,) of the recordings with the best joint information, and their criterion.
 
     Fedorov exchange: one after the other is replaced by the best until nothing improves.
     """
-    chosen = [] if initial is None else [int(i) for i in initial]
-    value = 0.0
+    chosen, value = list(initial), 0.0
     for _ in range(_SWEEPS):
         before = list(chosen)
         for place in range(recordings):

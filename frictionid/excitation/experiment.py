@@ -69,11 +69,13 @@ def limits_of(values: Named, mechanism: Mechanism) -> Limits:
         raise InputError(
             f"[mechanism] {mechanism.kind} has no motor: there is no torque to suggest"
         )
-    torque = np.zeros(mechanism.n)
-    torque[driven] = numbers_of("--limits", "torque", table["torque"], (driven.size, "motors"))
-    joints = (mechanism.n, "joints")
-    angle = numbers_of("--limits", "angle", table.get("angle", math.inf), joints)
-    return Limits(torque, numbers_of("--limits", "velocity", table["velocity"], joints), angle)
+
+    def numbers(name: str, count: int, what: str) -> Array:
+        return numbers_of("--limits", name, table.get(name, math.inf), (count, what))
+
+    torque, n = np.zeros(mechanism.n), mechanism.n
+    torque[driven] = numbers("torque", driven.size, "motors")
+    return Limits(torque, numbers("velocity", n, "joints"), numbers("angle", n, "joints"))
 
 
 def table_of(option: str, values: Named, names: tuple[str, ...], example: str) -> Mapping[str, Any]:
@@ -104,7 +106,7 @@ def numbers_of(option: str, name: str, value: Any, count: tuple[int, str]) -> Ar
             f"{option}: {name} has {len(numbers)} numbers for {count[0]} {count[1]}; "
             "give one, or one for each"
         )
-    return np.broadcast_to(np.array(numbers, dtype=float), (count[0],)).copy()
+    return np.full(count[0], numbers, dtype=float)
 
 
 def prior_friction_of(values: Named, limits: Limits) -> Friction:
@@ -256,7 +258,7 @@ class Experiment:
         """Start angles (N, n); joints start at rest."""
         n, limit = self.plant.n, self.limits.angle
         if self.start is not None:
-            return np.broadcast_to(np.array(self.start, dtype=float), (len(x), n)).copy()
+            return np.full((len(x), n), self.start, dtype=float)
         # without a limit a revolute joint may start at any angle, a carriage at zero
         revolute = np.array([unit == "rad" for unit in self.plant.mechanism.position_units])
         free = np.where(revolute, math.pi, 0.0)

@@ -49,15 +49,12 @@ class Information(NamedTuple):
 
     def pick(self, index: Array | slice) -> "Information":
         """Sums of one recording, or of some."""
-        return Information(self.H[..., index, :, :], self.V[..., index, :, :])
+        return Information(*(x[..., index, :, :] for x in self))
 
 
-def covariances(information: Information, part: slice = slice(None)) -> Array:
-    """Covariance (..., P, P) of some parameters if only they are fitted.
-
-    Infinite where H is singular.
-    """
-    H, V = information.H[..., part, part], information.V[..., part, part]
+def covariances(information: Information) -> Array:
+    """Covariance (..., P, P) of the parameters, infinite where H is singular."""
+    H, V = information
     scale = np.sqrt(np.einsum("...ii->...i", H))
     scale = np.where(scale > 0, scale, 1.0)
     both = scale[..., :, None] * scale[..., None, :]

@@ -139,10 +139,10 @@ def scatter(experiment, torque, start):
     return np.std(alone, axis=0, ddof=1), np.std(free, axis=0, ddof=1)
 
 
-def standard_errors(each, part=slice(None)):
+def standard_errors(each):
     """Standard errors (P,) by all recordings of `each` (1, R, P, P) together."""
     total = Information(*(x[0].sum(0) for x in each))
-    return np.sqrt(np.diagonal(covariances(total, part)))
+    return np.sqrt(np.diagonal(covariances(total)))
 
 
 # --- Predictions against measurements ---------------------------------------------------------
@@ -231,7 +231,7 @@ def test_the_smoothers_gains_are_those_of_the_whole_recording():
     assert np.allclose(velocity @ noise, whole[:, :, 1], atol=1e-4)
 
 
-def test_derivatives_by_parameters_are_those_of_numeric_differences():
+def test_derivatives_by_base_parameters_are_those_of_numeric_differences():
     design = on_acrobot()
     e = design.experiment
     q, w = design.motions.q[:, 0, 0], design.motions.w[:, 0, 0]
@@ -241,27 +241,21 @@ def test_derivatives_by_parameters_are_those_of_numeric_differences():
         e.plant.mechanism, {k: v[None] for k, v in e.plant.parameters.items()}, e.plant.p[None]
     )
 
-    def residual(theta, p):
+    def residual(p):
         problem = one_step_problem(
             "integral", replace(one, p=p[None]), (recording,), (States(e.images, q, w),)
         )
-        return problem.residual(along(replace(e.friction, theta=theta), problem.nodes))
+        return problem, problem.residual(along(e.friction, problem.nodes))
 
-    problem = one_step_problem("integral", one, (recording,), (States(e.images, q, w),))
-    left = residual(e.friction.theta, e.plant.p)
+    problem, left = residual(e.plant.p)
     for i in range(e.plant.p.size):
         step = 1e-6 * e.plant.p[i] * np.eye(e.plant.p.size)[i]
-        change = residual(e.friction.theta, e.plant.p + step)
-        change = (change - residual(e.friction.theta, e.plant.p - step)) / (2 * step[i])
+        change = (residual(e.plant.p + step)[1] - residual(e.plant.p - step)[1]) / (2 * step[i])
         # the fit sees de/dp where e = 0; here e is the error of Simpson's rule
         M = e.plant.mechanism.inertia(np.eye(e.plant.p.size)[i], q[1:])
         change += np.einsum("kij,kjl,kl->ki", problem.G / problem.dt[:, None, None], M, left)
         analytic = base_jacobian(e.plant, problem)[..., i]
         assert np.allclose(analytic, change, atol=1e-5 * np.abs(analytic).max())
-    for i in range(4):
-        step = 1e-6 * np.eye(4)[i].reshape(2, 2)
-        change = (residual(e.friction.theta + step, e.plant.p) - left) / 1e-6
-        assert np.allclose(friction_jacobian(e.friction, problem)[..., i], change, atol=1e-6)
 
 
 # --- Limits -----------------------------------------------------------------------------------
@@ -320,30 +314,6 @@ def test_mirrored_signals_tell_the_same():
     sides = [covariances(expected_information(experiment, m, 0)) for m in (there, back)]
     variances = [np.diagonal(side, axis1=-2, axis2=-1) for side in sides]
     assert np.allclose(*variances, rtol=1e-3)
-
-
-def one_motion():
-    """An experiment on a pendulum, and what it does by a signal of chance."""
-    experiment = on_pendulum()
-    x = np.random.default_rng(1).uniform(size=(1, experiment.size))
-    return experiment, predict_motions(experiment, experiment.torque_of(x), experiment.start_of(x))
-
-
-def test_two_recordings_halve_the_variance_of_one():
-    once = expected_information(*one_motion(), 0)
-    twice = Information(2 * once.H, 2 * once.V)
-    assert np.allclose(2 * covariances(twice), covariances(once))
-    assert np.allclose(e_criterion(twice, np.ones(4)), 2 * e_criterion(once, np.ones(4)))
-
-
-def test_noise_and_standard_errors_are_proportional():
-    experiment, motions = one_motion()
-    loud = replace(experiment, angle_noise=1.02 * experiment.angle_noise)
-    quiet, louder = (
-        standard_errors(expected_information(e, motions, 0)) for e in (experiment, loud)
-    )
-    # but for the rows that noise may or may not count as at rest
-    assert np.allclose(louder / quiet, 1.02, rtol=1e-3)
 
 
 def test_a_machine_that_does_not_move_tells_nothing():
