@@ -91,7 +91,7 @@ def compensate(
     from frictionid.outputs import check_outputs
 
     from .compensation import table_error
-    from .export.exported import ExportSettings, exported
+    from .export.exported import exported
     from .export.nearest import TABLE_USE, lost_in_table
 
     friction = load_model(model)
@@ -101,9 +101,8 @@ def compensate(
     friction = friction.noted({"speeds": speeds}) if speeds else friction
     torque = fid.compensating(friction, settings)
     if to != "csv":
-        names = ExportSettings(name="compensation")
-        done = fid.export(torque, to, out, settings=names, replace=replace)
-        lost, notes, written = done.lost, done.notes, done.paths
+        done = fid.export(torque, to, out, settings={"name": "compensation"}, replace=replace)
+        written, lost, notes, *_ = done
     else:
         if not speeds:
             raise InputError(f"{model}: the measured speeds are not known; give --speed")

@@ -13,6 +13,7 @@ are left out and named.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -157,10 +158,10 @@ def recording_changes(
     most : (n,) residual over a tenth of a second that no change of friction leaves, as in `peak`
     """
     fits = enumerate(_each(prepared, reference, most, 0.0))
-    settled = [_at_its_delay(prepared, r, fit, reference, most) for r, fit in fits]
-    changes = joined(changes for changes, *_ in settled)
-    left_out = tuple(segment for _, segments, _ in settled for segment in segments)
-    return changes._replace(covariates=covariate_means(prepared.dataset, covariates)), left_out
+    settled = (_at_its_delay(prepared, r, fit, reference, most) for r, fit in fits)
+    changes, left_out, _ = zip(*settled, strict=True)
+    means = covariate_means(prepared.dataset, covariates)
+    return joined(changes)._replace(covariates=means), tuple(chain(*left_out))
 
 
 # changes of one recording, stretches that were left out, and the mean size of what is left
@@ -172,15 +173,18 @@ def _each(prepared: Prepared, reference: Reference, most: Array | float, late: f
     linear, delay = _linearised(prepared, reference, late), _place_of_delay(reference)
     prior, fits = np.array([e.size for e in reference.effects]), []
     for r, recording in enumerate(prepared.dataset.recordings):
-        rows = linear.of_recording(r)
-        widest = np.broadcast_to(most, rows.residual.shape[1])
-        value, inverse, excess, peak, used = _undisturbed(rows, prior, widest)
+        rows = _Rows(*(values[linear.recording == r] for values in linear))
+        value, inverse, excess, peak, used = _undisturbed(rows, prior, most)
         misfit = float(np.abs(rows.left(value)).mean())
         value[delay] += late
         motion = motion_of(rows.time, rows.velocity, reference.speeds[:, 0])
         parts = (value, inverse, excess, motion, peak, value[:0])
         changes = Changes(*(x[None] for x in parts))
-        fits.append((changes, _segments(rows, used, recording.name), misfit))
+        left_out = [
+            Segment(recording.name, float(rows.time[a]), float(rows.time[b - 1]), float(b - a))
+            for a, b in zip(*run_edges(~used), strict=True)
+        ]
+        fits.append((changes, left_out, misfit))
     return fits
 
 
@@ -228,10 +232,6 @@ class _Rows(NamedTuple):
     dt: Array
     velocity: Array
     recording: Array
-
-    def of_recording(self, recording: int) -> "_Rows":
-        """Those of a recording."""
-        return _Rows(*(field[self.recording == recording] for field in self))
 
     def left(self, change: Array) -> Array:
         """The residual (K, n) beside a change (D,)."""
@@ -295,7 +295,7 @@ def _matched(problem: Problem, e: Array, other: Problem, changed: Array) -> Arra
 
 
 def _undisturbed(
-    rows: _Rows, prior: Array, most: Array
+    rows: _Rows, prior: Array, most: Array | float
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Value, inverse, excess and peak of what is not disturbed, and which rows (K,) that is."""
     used = np.ones(len(rows.time), dtype=bool)
@@ -372,14 +372,6 @@ def _widened(pushed: Array, time: Array) -> Array:
     padded = np.concatenate([[-np.inf], at, [np.inf]])
     near = np.minimum(time - padded[after], padded[after + 1] - time)
     return near <= _WINDOW
-
-
-def _segments(rows: _Rows, used: Array, name: str) -> list[Segment]:
-    """Stretches that were left out."""
-    return [
-        Segment(name, float(rows.time[a]), float(rows.time[b - 1]), float(b - a))
-        for a, b in zip(*run_edges(~used), strict=True)
-    ]
 
 
 def covariate_means(dataset: Dataset, names: Sequence[str]) -> Array:

@@ -61,8 +61,8 @@ def difference_of(healthy: Changes, new: Changes, size: Array) -> Difference:
     leverage = np.einsum("ri,ij,rj->r", Z, inverse, Z)
     x, y = healthy.value - Z @ slopes, new.value - z @ slopes
     freedom = max(len(x) - float(leverage.sum()), 1.0) + len(y) - 1
-    about = [v - _plain_mean(v, c) for v, c in ((x, C), (y, C_new))]
-    S = _true_scatter(np.concatenate(about), np.concatenate([C, C_new]), freedom)
+    about = np.concatenate([_about(x, C), _about(y, C_new)])
+    S = _true_scatter(about, np.concatenate([C, C_new]), freedom)
     middle, error = _mean(x, S + C)
     mean, error_of_mean = _mean(y, S + C_new)
     # beyond the healthy range the motion's effect is open, by as much as recordings scatter
@@ -88,17 +88,18 @@ def _noise(healthy: Changes, new: Changes, size: Array) -> tuple[Array, Array]:
     """
     excess = np.maximum(np.median(healthy.excess, axis=0), np.median(new.excess, axis=0))
     root, prior = np.sqrt(np.maximum(excess, _LEAST)), np.diag(size**-2.0)
-    out = []
-    for inverse in (healthy.inverse, new.inverse):
+
+    def noise(inverse: Array) -> Array:
         scores = (np.linalg.inv(inverse) - prior) * root[:, None] * root
-        out.append(inverse @ (scores + prior) @ inverse)
-    return out[0], out[1]
+        return inverse @ (scores + prior) @ inverse
+
+    return noise(healthy.inverse), noise(new.inverse)
 
 
-def _plain_mean(values: Array, covariances: Array) -> Array:
-    """Mean (D,) of rows (R, D), each effect by itself, while their scatter is not known."""
+def _about(values: Array, covariances: Array) -> Array:
+    """Rows (R, D) about their mean, each effect by itself, while their scatter is not known."""
     weights = 1.0 / np.einsum("rpp->rp", covariances)
-    return (weights * values).sum(axis=0) / weights.sum(axis=0)
+    return values - (weights * values).sum(axis=0) / weights.sum(axis=0)
 
 
 def _mean(values: Array, covariances: Array) -> tuple[Array, Array]:
@@ -202,8 +203,12 @@ class CauseTests(NamedTuple):
 
     def tests(self, cause: str) -> list[Array]:
         """What a cause may change, rows (k, D) of each test."""
-        rows = np.eye(len(self.pull))[self.causes[cause]]
+        rows = self._rows([cause])
         return [rows, self.likely[cause][None]] if cause in self.likely else [rows]
+
+    def _rows(self, causes: Sequence[str]) -> Array:
+        """All that some causes may change (k, D)."""
+        return np.eye(len(self.pull))[[column for c in causes for column in self.causes[c]]]
 
     def explained(self, rows: Array) -> float:
         """Squares that changes along some rows explain."""
@@ -212,9 +217,7 @@ class CauseTests(NamedTuple):
 
     def p(self, cause: str, beside: Sequence[str] = ()) -> float:
         """Probability of what a cause explains beside others, if it has not changed."""
-        columns = [*(column for c in beside for column in self.causes[c])]
-        before = np.eye(len(self.pull))[columns]
-        least, tests = 1.0, self.tests(cause)
+        before, least, tests = self._rows(beside), 1.0, self.tests(cause)
         for rows, scale in zip(tests, self.scale[cause], strict=True):
             k = len(rows)
             gained = self.explained(np.concatenate([before, rows])) - self.explained(before)
@@ -228,8 +231,7 @@ class CauseTests(NamedTuple):
 
         By the t distribution of as much freedom as the scatter has.
         """
-        columns = [*(column for c in beside for column in self.causes[c])]
-        before = np.eye(len(self.pull))[columns]
+        before = self._rows(beside)
         total = float(self.pull @ np.linalg.solve(self.inverse, self.pull))
         both = [np.concatenate([before, rows]) for rows in self.tests(cause)]
         return min(

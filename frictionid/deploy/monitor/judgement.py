@@ -99,7 +99,7 @@ def judge(
         np.array([explanation.p_of_cause[f"friction of {name}"] for name in baseline.joints]),
         joints,
         tuple(single),
-        tuple(_causes(baseline, tests, explanation)),
+        tuple(_causes(baseline, tests, explanation, single)),
         parts,
         tuple(notes),
     )
@@ -156,9 +156,10 @@ def _parts(
             yield j, part, value, low, high, per_cent
 
 
-def _causes(baseline: Baseline, tests: CauseTests, explanation: Explanation) -> Iterator[str]:
+def _causes(
+    baseline: Baseline, tests: CauseTests, explanation: Explanation, single: Sequence[str]
+) -> Iterator[str]:
     """Sentences on what changed: each cause with its size, or what it cannot be separated from."""
-    single = [group[0] for group in explanation.groups if len(group) == 1]
     for group in explanation.groups:
         if len(group) > 1:
             yield f"cannot separate {group[0]} from {' and '.join(group[1:])}"

@@ -19,17 +19,14 @@ def motion_of(time: Array, w: Array, floor: Array) -> Array:
     floor : array, shape (n,)
         Speed below which a joint counts as still.
     """
-    if len(time) < 3:
-        return np.log(np.stack([floor, floor], axis=-1))
-    speed = np.quantile(np.abs(w), 0.95, axis=0)
-    steps = np.diff(time)
-    usual = steps <= 3.0 * np.median(steps)
-    a = np.diff(w, axis=0)[usual] / steps[usual, None]
-    return np.log(np.stack([np.maximum(speed, floor), np.maximum(_rms(a), floor)], axis=-1))
-
-
-def _rms(x: Array) -> Array:
-    return np.sqrt((x**2).mean(axis=0))
+    both = np.stack([floor, floor])
+    if len(time) >= 3:
+        steps = np.diff(time)
+        usual = steps <= 3.0 * np.median(steps)
+        a = np.diff(w, axis=0)[usual] / steps[usual, None]
+        speed, abruptness = np.quantile(np.abs(w), 0.95, axis=0), np.sqrt((a**2).mean(axis=0))
+        both = np.maximum([speed, abruptness], both)
+    return np.log(both.T)
 
 
 def beyond(healthy: Array, new: Array) -> Array:

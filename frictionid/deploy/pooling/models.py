@@ -113,7 +113,7 @@ def entry(first: Friction, usable: Sequence[Row], title: str, joint: int | None)
     ends = bounds_of(first, e)
     inner, outer, beyond = (
         tuple(np.clip(pair, *ends).tolist())
-        for pair in (effects.interval(0.9), effects.interval(0.95), effects.range(0.95))
+        for pair in (effects.interval(0.9), effects.interval(), effects.range())
     )
     return PooledEstimate(
         *(e.block, title, e.unit, joint, effects.mean, effects.error, inner, outer),

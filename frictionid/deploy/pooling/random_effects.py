@@ -70,24 +70,18 @@ class RandomEffects(NamedTuple):
         high = float(np.max(self.means + 40.0 * self.deviations))
         return float(_bisected(lambda x: self.probability(x) < p, low, high))
 
-    def range(self, level: float = 0.95) -> tuple[float, float]:
-        """Prediction interval of another specimen, no narrower than the interval of the mean."""
-        low, high = self.interval(level)
-        tail = (1.0 - level) / 2
-        return min(self.quantile(tail), low), max(self.quantile(1.0 - tail), high)
+    def range(self) -> tuple[float, float]:
+        """95 % prediction interval of another specimen, no narrower than that of the mean."""
+        low, high = self.interval()
+        return min(self.quantile(0.025), low), max(self.quantile(0.975), high)
 
 
 def random_effects(values: Array, errors: Array) -> RandomEffects:
-    """Random-effects meta-analysis of estimates (k,) with standard errors (k,).
+    """Random-effects meta-analysis of two or more estimates (k,) with standard errors (k,).
 
     The standard error of the mean is 1/sqrt(sum w), with a t distribution of k - 1 degrees of
     freedom: that of Hartung and Knapp, whose factor is one at this tau, and is not let fall below
     one where tau is zero [Rover2015].
-
-    Raises
-    ------
-    ValueError
-        With fewer than two values, or errors that are not positive.
 
     Examples
     --------
@@ -98,8 +92,6 @@ def random_effects(values: Array, errors: Array) -> RandomEffects:
     [0.027, 0.238]
     """
     y, s = np.asarray(values, dtype=float), np.asarray(errors, dtype=float)
-    if len(y) < 2 or not (np.isfinite(y).all() and np.isfinite(s).all() and (s > 0).all()):
-        raise ValueError(f"{len(y)} values: at least 2, with errors that are finite and positive")
     freedom = len(y) - 1
     levels = np.append((np.arange(_POINTS) + 0.5) / _POINTS, [0.025, 0.975])
     X = np.ones((len(y), 1))
@@ -203,10 +195,7 @@ class Regression(NamedTuple):
 def meta_regression(values: Array, errors: Array, covariate: Array) -> Regression:
     """Random-effects regression of estimates (k,) with standard errors (k,) on a covariate (k,).
 
-    Raises
-    ------
-    ValueError
-        With fewer than three values, or a covariate that does not vary.
+    There are three or more, over a covariate that varies.
 
     Examples
     --------
@@ -216,8 +205,6 @@ def meta_regression(values: Array, errors: Array, covariate: Array) -> Regressio
     (0.1, -0.001, 0.115)
     """
     y, s, x = (np.asarray(a, dtype=float) for a in (values, errors, covariate))
-    if len(y) < 3 or np.ptp(x) == 0:
-        raise ValueError(f"{len(y)} values: at least 3, over a covariate that varies")
     centre = float(x.mean())
     X = np.stack([np.ones_like(x), x - centre], axis=1)
     freedom = len(y) - 2

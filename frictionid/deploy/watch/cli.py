@@ -99,34 +99,35 @@ class _Shown:
     def __init__(self, joints: tuple[str, ...], json: bool) -> None:
         self.joints, self.json = joints, json
         self.converged = False
-        self.since: dict[int, tuple[float, float]] = {}  # of joints in contact: start [s], peak
+        self.since: dict[str, tuple[float, float]] = {}  # of joints in contact: start [s], peak
 
     def __call__(self, seen: Any) -> None:
         for sentence in seen.damaged:
             print(f"watch: {sentence}", file=sys.stderr)
-        for time, torque, band in zip(seen.time, seen.torque, seen.band, strict=True):
-            numbers = zip(torque.tolist(), band.tolist(), strict=True)
-            for j, (value, within) in enumerate(numbers):
-                if abs(value) > within and j not in self.since:
-                    self.since[j] = (float(time), value)
-                    self._contact(float(time), j, value, within)
-                elif abs(value) > within:
-                    begin, peak = self.since[j]
-                    self.since[j] = (begin, max(peak, value, key=abs))
-                elif j in self.since:
-                    self._end(float(time), j, *self.since.pop(j))
+        for time, *each in zip(seen.time, seen.torque, seen.band, strict=True):
+            rows = (row.tolist() for row in each)
+            for joint, torque, band in zip(self.joints, *rows, strict=True):
+                self._joint(joint, float(time), torque, band)
         if seen.estimate is not None:
             self._friction(seen.estimate)
 
-    def _contact(self, time: float, j: int, torque: float, band: float) -> None:
-        joint = self.joints[j]
-        text = f"{time:.3f} s: contact at {joint}, {torque:+.3g} N m (band {band:.2g})"
-        self._say(text, {"time": time, "contact": joint, "torque": torque, "band": band})
-
-    def _end(self, time: float, j: int, begin: float, peak: float) -> None:
-        joint, seconds = self.joints[j], time - begin
-        text = f"{time:.3f} s: its end at {joint} after {seconds:.2f} s, {peak:+.3g} N m at most"
-        self._say(text, {"time": time, "end": joint, "seconds": seconds, "most": peak})
+    def _joint(self, joint: str, time: float, torque: float, band: float) -> None:
+        """Of one sample the begin or the end of a contact."""
+        touches, begin = abs(torque) > band, joint not in self.since
+        if touches and begin:
+            self.since[joint] = time, torque
+            text = f"{time:.3f} s: contact at {joint}, {torque:+.3g} N m (band {band:.2g})"
+            self._say(text, {"time": time, "contact": joint, "torque": torque, "band": band})
+        elif touches:
+            start, peak = self.since[joint]
+            self.since[joint] = start, max(peak, torque, key=abs)
+        elif not begin:
+            start, peak = self.since.pop(joint)
+            seconds = time - start
+            text = (
+                f"{time:.3f} s: its end at {joint} after {seconds:.2f} s, {peak:+.3g} N m at most"
+            )
+            self._say(text, {"time": time, "end": joint, "seconds": seconds, "most": peak})
 
     def _friction(self, e: Any) -> None:
         shares = zip(e.share.tolist(), e.band.tolist(), strict=True)

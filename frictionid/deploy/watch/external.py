@@ -96,9 +96,9 @@ class ExternalTorque:
             lines.append(
                 f"{c.recording}: {c.joint}, {c.begin:.3f} to {c.end:.3f} s, {c.torque:+.3g} N m"
             )
-        return "\n".join(
-            [*lines, *([f"and {len(contacts) - 10} more"] if len(contacts) > 10 else [])]
-        )
+        if len(contacts) > 10:
+            lines.append(f"and {len(contacts) - 10} more")
+        return "\n".join(lines)
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -115,33 +115,25 @@ class ExternalTorque:
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
         """Stretches in which the band of a joint excludes zero."""
-        return tuple(
-            contact
-            for row in self._recordings
-            for contact in contacts_in(*row, self.joints, self.band_of.response)
-        )
+        return tuple(self._contacts())
+
+    def _contacts(self) -> Iterator[Contact]:
+        """Those of each recording and joint; one where they are closer than the response."""
+        for name, time, torque, band in self._recordings:
+            for j, joint in enumerate(self.joints):
+                size = np.abs(torque[:, j])
+                over = np.flatnonzero(size > band[:, j])
+                new = np.diff(time[over]) > self.band_of.response
+                for rows in np.split(over, np.flatnonzero(new) + 1):
+                    if len(rows):
+                        begin, end = time[rows[[0, -1]]].tolist()
+                        most = float(torque[rows[size[rows].argmax()], j])
+                        yield Contact(name, begin, end, joint, most)
 
     @property
     def _recordings(self) -> Iterator[tuple[str, Array, Array, Array]]:
         """Name, time, torque and band of each recording."""
         return zip(self.names, self.time, self.torque, self.band, strict=True)
-
-
-def contacts_in(
-    name: str,
-    time: Array,
-    torque: Array,
-    band: Array,
-    joints: tuple[str, ...],
-    apart: float,
-) -> Iterator[Contact]:
-    """Contacts of one recording, time (K,), torque and band (K, n); one where closer than apart."""
-    for j, joint in enumerate(joints):
-        over = np.flatnonzero(np.abs(torque[:, j]) > band[:, j])
-        for rows in np.split(over, np.flatnonzero(np.diff(time[over]) > apart) + 1):
-            if len(rows):
-                most = torque[rows, j][np.abs(torque[rows, j]).argmax()]
-                yield Contact(name, float(time[rows[0]]), float(time[rows[-1]]), joint, float(most))
 
 
 def momentum_observer_of(

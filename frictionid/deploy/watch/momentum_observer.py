@@ -127,7 +127,7 @@ class MomentumObserver:
         held = np.concatenate([angle, torque])
         nothing, out = np.zeros((S, n)), np.zeros((S + 1, n))
         x = self._inputs(held[None], np.zeros((1, n)))
-        memory = self.friction.law.start(self.members.theta, _at(x, 0))
+        memory = self.friction.law.start(self.members.theta, x)
         zero = nothing[0]
         filters = held, held, nothing, nothing, zero, memory, out, out
         state = State(time, angle, time, zero, *filters)
@@ -241,7 +241,7 @@ class MomentumObserver:
             return law.torque(theta, x.each(lambda values: values[:, None]), ()), ()
         out = []
         for k, step in enumerate(dt):
-            now = _at(x, k)
+            now = x.each(lambda values, k=k: values[k : k + 1])  # (1, m), for all members
             memory = law.advance(theta, now, memory, np.full((1, 1), step)) if step > 0 else memory
             out.append(law.torque(theta, now, memory))
         return np.stack(out), memory
@@ -255,11 +255,6 @@ def _jumps(step: Array, dt: Array, fastest: Array) -> tuple[Array, Array]:
         jumps[k] = jump.any()
         fastest = np.where(jump, fastest, np.maximum(fastest, speed))
     return jumps, fastest
-
-
-def _at(x: Inputs, k: int) -> Inputs:
-    """Inputs (1, m) of one sample, for all members."""
-    return x.each(lambda values: values[k : k + 1])
 
 
 def _filtered(
@@ -321,8 +316,15 @@ def _off(middle: Members, friction: Friction, mechanism: Mechanism) -> Iterator[
     estimates, root = _directions(friction)
     for row in root.T:
         off = Members(*(np.array(values, dtype=float) for values in middle))
-        for estimate, size in zip(estimates, row, strict=True):
-            _add(off, estimate, size, friction, mechanism)
+        for e, size in zip(estimates, row, strict=True):
+            place = place_of(friction, e.block, e.parameter, e.joint)
+            if place is not None:
+                off.theta[place] += size
+            elif e.block == "inertia":
+                off.base[mechanism.base_names.index(e.name)] += size
+            elif e.block in _SENSORS:  # those of servos change no torque that is logged
+                values = getattr(off, e.block)
+                values[() if e.joint is None or values.ndim == 0 else e.joint] += size
         yield off
     if not any(e.block == "inertia" for e in estimates):
         tolerances = mechanism.base_tolerances()
@@ -343,17 +345,3 @@ def _directions(friction: Friction) -> tuple[Sequence[Estimate], Array]:
     keep = value > 0
     kept = [e for e, k in zip(estimates, finite, strict=True) if k]
     return kept, vector[:, keep] * np.sqrt(value[keep])
-
-
-def _add(
-    off: Members, estimate: Estimate, size: float, friction: Friction, mechanism: Mechanism
-) -> None:
-    """Add to one parameter of a member; those of servos change no torque that is logged."""
-    place = place_of(friction, estimate.block, estimate.parameter, estimate.joint)
-    if place is not None:
-        off.theta[place] += size
-    elif estimate.block == "inertia":
-        off.base[mechanism.base_names.index(estimate.name)] += size
-    elif estimate.block in _SENSORS:
-        values = getattr(off, estimate.block)
-        values[() if estimate.joint is None or values.ndim == 0 else estimate.joint] += size
