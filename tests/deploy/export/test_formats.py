@@ -1,6 +1,7 @@
 """All formats alike: laws of every kind are written or refused, and packages are asked for."""
 
 import sys
+from importlib import import_module
 
 import pytest
 from fixtures.refusals import assert_refused
@@ -32,19 +33,20 @@ def test_every_law_is_written_or_refused_in_one_line(to):
 
 
 @pytest.mark.parametrize(
-    ("to", "package", "extra"),
+    ("module", "package", "extra"),
     [
-        ("casadi", "casadi", "export"),
-        ("onnx", "onnx", "export"),
-        ("usd", "pxr", "usd"),
-        ("yaml", "yaml", "export"),
+        ("export.formats.casadi", "casadi", "export"),
+        ("export.formats.onnx", "onnx", "export"),
+        ("export.formats.usd", "pxr", "usd"),
+        ("export.formats.yaml", "yaml", "export"),
+        ("gym_env", "gymnasium", "gym"),
     ],
 )
-def test_a_missing_package_is_asked_for(to, package, extra, monkeypatch):
-    monkeypatch.delitem(sys.modules, f"frictionid.deploy.export.formats.{to}", raising=False)
+def test_a_missing_package_is_asked_for(module, package, extra, monkeypatch):
+    monkeypatch.delitem(sys.modules, f"frictionid.deploy.{module}", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
     with assert_refused(rf"not installed: pip install 'frictionid\[{extra}\]'"):
-        writer_of(to)
+        import_module(f"frictionid.deploy.{module}")
 
 
 def test_the_help_lists_the_formats_that_are_there(tmp_path, run):

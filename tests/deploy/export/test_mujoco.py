@@ -6,6 +6,7 @@ from types import ModuleType
 import mujoco
 import numpy as np
 import pytest
+from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 
 from frictionid.deploy.export.export import writer_of
@@ -96,35 +97,23 @@ def test_joints_have_the_numbers_and_nothing_else_of_the_text_changes(robot):
     assert "knee had damping 0.7" in made.notes
 
 
-@pytest.mark.parametrize(
-    ("joints", "words"),
-    [
-        (("hip", "ankle"), r"no joint 'ankle', it has hip, knee; .* --joints"),
-        (("foot", "hip"), "no joint 'foot'"),
-    ],
-)
-def test_unknown_joints_are_refused_in_one_line(robot, joints, words):
-    with assert_refused(words):
-        written(CoulombViscous(), NUMBERS, robot, joints)
+FILES = """
+<mujoco -> <robot                 => is no XML|is no MJCF
+<?xml version="1.0"?> -> <!DOCTYPE mujoco []> => document type
+axis="0 1 0" -> type="ball"       => 'hip' is a ball joint
+name='hip' -> name='other'        => no joint 'hip', it has knee, other; .* --joints
+name='hip' -> name='knee'         => no joint 'hip'
+</mujoco> ->                      => is no XML in UTF-8
+name='hip' -> name='other'><include file="hip.xml"/></joint><joint => hip.*includes hip.xml
+"""
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("<mujoco ", "<robot ", "is no XML|is no MJCF"),
-        ('<?xml version="1.0"?>', "<!DOCTYPE mujoco []>", "document type"),
-        ('axis="0 1 0"\n', 'type="ball"\n', "'hip' is a ball joint"),
-        ("name='hip'", "name='other'", "no joint 'hip'"),
-        ("name='hip'", "name='knee'", "no joint 'hip'"),
-        ("</mujoco>", "", "is no XML in UTF-8"),
-        ('leg">', 'leg"><include file="hip.xml"/>', "ankle.*includes hip.xml"),
-    ],
-)
-def test_files_that_cannot_be_given_friction_are_refused_in_one_line(robot, old, new, words):
-    robot.write_text(ROBOT.replace(old, new, 1))
-    joints = ("ankle", "knee") if "include" in new else ("hip", "knee")
+@mistakes(FILES)
+def test_files_that_cannot_be_given_friction_are_refused_in_one_line(robot, wrong, words):
+    old, _, new = wrong.partition(" ->")
+    robot.write_text(ROBOT.replace(old, new.strip(), 1))
     with assert_refused(words):
-        written(CoulombViscous(), NUMBERS, robot, joints)
+        written(CoulombViscous(), NUMBERS, robot)
 
 
 def test_a_part_that_turns_with_two_joints_is_a_tendon(robot):

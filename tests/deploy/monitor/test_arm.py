@@ -124,14 +124,6 @@ def test_a_baseline_is_said_in_a_line_and_comes_first(known, folder):
         fid.monitor(recorded(folder, 6, 1), known)
 
 
-def test_the_same_arm_with_its_joints_named_is_the_same(known, folder):
-    data = recorded(folder, 4, 2)
-    named = replace(
-        data, mechanism=urdf(folder / "arm_0.urdf", joints=["shoulder", "elbow", "wrist"])
-    )
-    assert fid.monitor(known, named).answer == fid.monitor(known, data).answer == "unchanged"
-
-
 def test_the_picture_shows_friction_beside_what_changed(known, folder):
     picture = fid.monitor(known, recorded(folder, 2, 4, payload=0.1)).plot()
     for axis in picture.axes[:3]:

@@ -10,13 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.seven_joints import MASS, urdf_text
 
 import frictionid as fid
 from frictionid.data.signals import taken
 from frictionid.deploy.monitor.baseline import load_baseline, machine_of, save_baseline
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes, totals
 from frictionid.deploy.monitor.monitor import load_state
-from frictionid.mechanics import mechanism_of
+from frictionid.mechanics import urdf
 from frictionid.simulate import (
     Camera,
     Curve,
@@ -334,11 +335,11 @@ def test_an_unknown_temperature_is_said(known, first):
     assert any("temperature is not said of all new recordings" in note for note in notes)
 
 
-def test_an_arm_is_the_same_wherever_its_file_stands(tmp_path):
-    from fixtures.seven_joints import MASS, urdf_text
-
+def test_an_arm_is_the_same_wherever_its_file_stands_and_whether_its_joints_are_named(tmp_path):
     machines = []
     for name, mass in (("a", 0.6), ("b", 0.6), ("c", 0.7)):
         (tmp_path / f"{name}.urdf").write_text(urdf_text([*MASS[:-1], mass]), encoding="utf-8")
-        machines.append(machine_of(mechanism_of({"urdf": str(tmp_path / f"{name}.urdf")})))
-    assert machines[0] == machines[1] != machines[2]
+        machines.append(urdf(tmp_path / f"{name}.urdf"))
+    machines.append(urdf(tmp_path / "a.urdf", joints=list(machines[0].joints)))
+    a, b, c, named = map(machine_of, machines)
+    assert a == b == named != c

@@ -66,9 +66,3 @@ def test_intervals_hold_the_mean_and_the_next_specimen(specimens, tau, monkeypat
     covered = import_module("pooling").covered
     interval, range_ = covered(specimens, tau, 250, 1)
     assert min(interval, range_) >= 0.95 - 2.5 * np.sqrt(0.05 * 0.95 / 250)
-
-
-@pytest.mark.parametrize(("values", "errors"), [([1.0], [0.1]), ([1.0, 2.0], [0.1, 0.0])])
-def test_what_cannot_be_pooled_is_refused(values, errors):
-    with pytest.raises(ValueError, match="at least 2, with errors that are finite and positive"):
-        random_effects(np.array(values), np.array(errors))

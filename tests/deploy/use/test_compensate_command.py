@@ -43,7 +43,7 @@ def test_code(call, tmp_path):
         assert "compensation" in (tmp_path / f"own.{to}").read_text()
     assert call(f"--out own.py --to python {SETTINGS}")[0] == 0
     module = runpy.run_path(str(tmp_path / "own.py"))
-    for w in (-2.0, -0.01, 0.0, 0.3, 4.0):
+    for w in (-2.0, -0.01, 0.0, 0.3, 4.0, 50.0):  # also beyond the speeds, within the limit
         found = module["torque"]([w, w])
         np.testing.assert_allclose(found, CURVE(np.array([w]))[0], atol=1e-9)
 

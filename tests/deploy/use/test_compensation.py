@@ -164,17 +164,6 @@ def test_heads_of_files_say_what_follows_what(to, tmp_path):
     assert "LinearOutside(" not in text and "joint 1" not in text
 
 
-def test_exported_programs_compute_it_within_its_limits_at_all_speeds():
-    """Also beyond the speeds of the data, where friction goes on as a straight line."""
-    known = replace(STRIBECK, provenance={"speeds": [3.0, 2.0]})
-    own = compensating(known, Compensation(gain=0.9, torque_limit=0.15))
-    program, rng = exported(own).programs.torque, np.random.default_rng(2)
-    assert np.abs(program.run({"w_1": 50.0, "w_2": -50.0})["Tf"]).tolist() == [0.15, 0.15]
-    for w in rng.normal(scale=2.0, size=(50, 2)):
-        found = program.run({"w_1": w[0], "w_2": w[1]})["Tf"]
-        np.testing.assert_allclose(found, own.torque(at_rest(w)), rtol=1e-9, atol=1e-12)
-
-
 def test_tracking_errors_are_halved_without_a_limit_cycle(monkeypatch):
     """Also with friction that is 20 % wrong, with noise and delay; a rest follows the moves."""
     monkeypatch.setattr(study, "POINTS", study.POINTS[:2])

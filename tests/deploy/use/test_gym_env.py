@@ -1,7 +1,5 @@
 """Environments keep to Gymnasium's contract; many side by side are each alone."""
 
-import importlib
-import sys
 import warnings
 
 import numpy as np
@@ -104,10 +102,3 @@ def test_a_batch_of_another_size_is_refused():
     three = Simulator(acrobot(), Friction(LAW, np.stack([FRICTION.theta] * 3)))
     with assert_refused("batch of shape"):
         FrictionVectorEnv(three, EPISODE, 2)
-
-
-def test_without_gymnasium_there_is_one_line(monkeypatch):
-    monkeypatch.setitem(sys.modules, "gymnasium", None)
-    monkeypatch.delitem(sys.modules, "frictionid.deploy.gym_env")
-    with assert_refused(r"pip install 'frictionid\[gym\]'"):
-        importlib.import_module("frictionid.deploy.gym_env")
