@@ -302,6 +302,8 @@ def test_more_torque_never_hurts():
         values.append(exchange(pool.information, scale, 2)[1])
     assert np.all(np.diff(values) >= 0)
     assert values[-1] > 1.2 * values[0]
+    twice = Information(*(2 * sums for sums in pool.information))
+    assert np.allclose(e_criterion(twice, scale), 2 * e_criterion(pool.information, scale))
 
 
 def test_mirrored_signals_tell_the_same():

@@ -270,8 +270,7 @@ def _stepped(
     Of the delay also that before it: a torque that jumps changes otherwise to either side.
     """
     mechanism = prepared.dataset.mechanism
-    nominal = np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
-    base = nominal if calibration.base is None else calibration.base
+    base = mechanism.nominal_base if calibration.base is None else calibration.base
     unit, driven = np.eye(mechanism.n), np.flatnonzero(mechanism.motors)
     for direction in payloads(mechanism)[1]:
         yield _STEP, replace(calibration, base=base + _STEP * direction)

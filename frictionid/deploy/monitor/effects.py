@@ -97,7 +97,7 @@ def payloads(mechanism: Mechanism) -> tuple[tuple[str, ...], Array]:
     Of a tree of bodies a mass at the end of the last one, where a tool is carried, and its first
     moments. Those that act as others do are left out.
     """
-    size = np.abs(np.asarray(mechanism.base(mechanism.nominal()), dtype=float)) + 1e-12
+    size = np.abs(mechanism.nominal_base) + 1e-12
     names, rows, basis = [], np.zeros((0, len(size))), np.zeros((0, len(size)))
     for name, row in _masses(mechanism):
         scaled = row / size
