@@ -77,21 +77,28 @@ class _Part(torch.nn.Module):
     def forward(self, x: torch.Tensor, *others: torch.Tensor) -> torch.Tensor:
         law, zero = self.model.friction.law, 0.0 * x[..., : len(self.model.joints)]
         inputs = dict(zip(self.model.programs.inputs, x.split(zero.shape[-1], -1), strict=True))
-        if law.is_network:
+        if not law.is_network:
+            rows = self._rows_of_program(inputs, zero[..., 0], *others)
+        else:
             memory = tuple(entry.unbind(-2) for entry in others[:1])
             everything = Inputs(*(inputs.get(name, zero) for name in INPUTS))
             result = getattr(law, self.part)(self.theta, everything, *memory, *others[1:])
             rows = [v + zero for v in ((result,) if self.part == "torque" else result)]
-        else:
-            for i, entry in enumerate(others[0].unbind(-2) if others else ()):
-                inputs[f"memory_{i + 1}"] = entry
-            scalars = {f"{x}_{j + 1}": v for x, row in inputs.items() for j, v in enumerate(row.T)}
-            if len(others) == 2:
-                scalars["dt_1"] = others[1]
-            columns = getattr(self.model.programs, self.part).run(scalars, _OPERATIONS).values()
-            rows = [torch.stack([v + zero[..., 0] for v in column], dim=-1) for column in columns]
         result = rows[0] if self.part == "torque" else torch.stack(rows, dim=-2)
         return result.to(self.theta.dtype)
+
+    def _rows_of_program(
+        self, inputs: dict[str, Any], zero: torch.Tensor, *others: torch.Tensor
+    ) -> list[torch.Tensor]:
+        """Outputs (batch, n) of the program."""
+        columns = dict(inputs)
+        for i, entry in enumerate(others[0].unbind(-2) if others else ()):
+            columns[f"memory_{i + 1}"] = entry
+        scalars = {f"{x}_{j + 1}": v for x, row in columns.items() for j, v in enumerate(row.T)}
+        if len(others) == 2:
+            scalars["dt_1"] = others[1]
+        values = getattr(self.model.programs, self.part).run(scalars, _OPERATIONS).values()
+        return [torch.stack([v + zero for v in column], dim=-1) for column in values]
 
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
