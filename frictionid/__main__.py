@@ -107,9 +107,7 @@ def _run(words: list[str]) -> int:
         return _complain(str(error), 2)
     except typer.Exit as stop:
         return int(stop.exit_code)
-    except KeyboardInterrupt:
-        return _complain("interrupted", 130)
-    except typer.Abort:
+    except (KeyboardInterrupt, typer.Abort):
         return _complain("interrupted", 130)
     except (OSError, MemoryError) as error:  # a full disk, a closed pipe, a small memory
         return _complain(_environment(error), 2)

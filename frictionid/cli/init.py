@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from .options import ModelPaths, numbers
+from .options import ModelPaths, numbers, setting
 
 if TYPE_CHECKING:
     from frictionid.quickstart.describe_tables import Described, Known, Tables
@@ -48,11 +48,9 @@ def init(
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
 
-    from .options import setting
-
     source = tables_at(tables, time)
     dataset_file, suite_file = (source.folder / f"{name}.toml" for name in ("dataset", "suite"))
-    _check_free([dataset_file])
+    _check_free(dataset_file)
     check_outputs([dataset_file])
     named = {"time": time, "angle": angle, "torque": torque}
     columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
@@ -75,11 +73,11 @@ def init(
     else:
         machine = _mechanism(mechanism, set_ or [])
         described = describe_tables(source, machine, _motor(source, machine, facts))
-    _check_free([suite_file], left=described.suite_toml.encode())
+    _check_free(suite_file, left=described.suite_toml.encode())
     _write(source, described, json)
 
 
-def _check_free(files: Sequence[Path], left: bytes | None = None) -> None:
+def _check_free(file: Path, left: bytes | None = None) -> None:
     """What somebody has written is never overwritten here, so that there is no --replace.
 
     Parameters
@@ -90,12 +88,10 @@ def _check_free(files: Sequence[Path], left: bytes | None = None) -> None:
 
     from frictionid.errors import InputError
 
-    for file in files:
-        if os.path.lexists(file) and not (left and file.is_file() and file.read_bytes() == left):
-            raise InputError(
-                f"{file} is there already and is not overwritten; "
-                "edit it, or rename it and start again"
-            )
+    if os.path.lexists(file) and not (left and file.is_file() and file.read_bytes() == left):
+        raise InputError(
+            f"{file} is there already and is not overwritten; edit it, or rename it and start again"
+        )
 
 
 def _write(tables: Tables, described: Described, json: bool) -> None:
@@ -130,8 +126,6 @@ def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
     from frictionid.comparison.kind_descriptions import described, mechanisms
     from frictionid.config import nearest
     from frictionid.errors import InputError
-
-    from .options import setting
 
     kinds = mechanisms()
     if not kind:

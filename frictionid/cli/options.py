@@ -164,9 +164,11 @@ def present(path: Path | None) -> Path | None:
     return path
 
 
-def _results(folder: Path) -> Path:
+def _results(folder: Path | None) -> Path | None:
     from frictionid.errors import InputError
 
+    if folder is None:
+        return None
     if folder.is_dir() and not [*folder.glob("provenance.json"), *folder.glob("unfinished")]:
         raise InputError(f"{folder} holds no comparison; name a folder that compare wrote")
     if not (folder / "unfinished" / "provenance.json").exists():  # that was interrupted
@@ -174,13 +176,8 @@ def _results(folder: Path) -> Path:
     return folder
 
 
-def _other_results(folder: Path | None) -> Path | None:
-    return None if folder is None else _results(folder)
-
-
 def _models_and_dataset(paths: list[Path]) -> list[Path]:
-    for path in paths[:-1]:
-        present(path)
+    _models(paths[:-1])
     if len(paths) > 1:
         _dataset(paths[-1])
     return paths
@@ -195,7 +192,7 @@ def _models(paths: list[Path]) -> list[Path]:
 DatasetPath = Annotated[Path, _dataset]
 SuitePath = Annotated[Path, _suite]
 ResultFolder = Annotated[Path, _results]
-OtherFolder = Annotated[Path | None, _other_results]
+OtherFolder = Annotated[Path | None, _results]
 PresentPath = Annotated[Path, present]
 ModelPaths = Annotated[list[Path], _models]
 ModelsAndDataset = Annotated[list[Path], _models_and_dataset]

@@ -1,5 +1,6 @@
 """frictionid track, render, align, log, excite, simulate-drive: films, clocks and drives."""
 
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -185,14 +186,14 @@ def log(
     seconds : Duration [s]; by default Ctrl-C ends it.
     patience : End when no line has come for so long [s].
     """
-    from .log import ProgressLine, counts_text, log_until, open_logger, stop_requests
+    from .log import Logger, ProgressLine, counts_text, log_until, stop_requests
     from .rig_settings import load_rig_settings
 
     settings = load_rig_settings(rig)
     show = ProgressLine(settings.protocol.columns)
     with (
         stop_requests() as stop,
-        open_logger(port, settings, out, append=append) as logger,
+        closing(Logger(port, settings, out, append=append)) as logger,
         show,
     ):
         log_until(logger, stop, show, seconds, patience)
@@ -226,7 +227,7 @@ def excite(
     silence : Ramp down when the drive is silent [s].
     append : Continue an existing log.
     """
-    from .log import ProgressLine, counts_text, open_logger, stop_requests
+    from .log import Logger, ProgressLine, counts_text, stop_requests
     from .playback import PlaySettings, keys, load_signal
     from .playback import excite as play
     from .rig_settings import load_rig_settings
@@ -237,7 +238,7 @@ def excite(
     with (
         stop_requests() as asked,
         keys() as key,
-        open_logger(port, settings, out, append=append) as logger,
+        closing(Logger(port, settings, out, append=append)) as logger,
         show,
     ):
 
@@ -298,14 +299,12 @@ def simulate_drive(
     seed : Seed of faults and noise.
     sent : File for the undamaged lines.
     """
-    import contextlib
-
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
 
     from .rig_settings import load_rig_settings
-    from .virtual_drive import Drive, Faults, torque_of
-    from .virtual_port import Terminal, play
+    from .virtual_drive import Drive, torque_of
+    from .virtual_port import Playback, Terminal
 
     if not speed > 0:
         raise InputError(f"--speed {speed:g} must be positive")
@@ -319,9 +318,12 @@ def simulate_drive(
         bias=bias,
         lag=lag,
         noise=noise,
-        faults=Faults(damaged, unplugged, restarts, seed),
+        damaged=damaged,
+        unplugged=unplugged,
+        restarts=restarts,
+        seed=seed,
     )
-    with contextlib.ExitStack() as stack:
+    with ExitStack() as stack:
         check_outputs([sent], (*dataset_files(dataset), rig), replace=replace)
         if sent is not None:
             sent.parent.mkdir(parents=True, exist_ok=True)
@@ -329,5 +331,5 @@ def simulate_drive(
         terminal = Terminal(port)
         stack.callback(terminal.unplug)
         print(f"{drive.lines} lines at {port}, as soon as it is opened", flush=True)
-        good = play(drive, terminal, speed=speed, sent=file)
+        good = Playback(drive, terminal, speed=speed, sent=file).run()
     print(f"{good} undamaged lines were sent")

@@ -7,9 +7,9 @@ import select
 import signal
 import sys
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -126,24 +126,33 @@ class Counts:
     unplugged: int = 0
     restarts: int = 0
     last: Cells = ()
-    reasons: Counter[str] = field(default_factory=Counter)
 
 
 class Logger:
-    """Appends the good lines of a port to a file.
+    """Appends the good lines of the port `name` to a file.
 
-    port : opens the port; raises InputError where it cannot
+    append : whether to continue an existing file
+
+    Raises
+    ------
+    InputError
+        Where port or file cannot be opened.
     """
 
-    def __init__(self, port: Callable[[], Port], rig: RigSettings, out: Appender) -> None:
+    def __init__(self, name: str, rig: RigSettings, out: Path, *, append: bool = False) -> None:
         self.counts = Counts()
         self.rig = rig
-        self._open, self._out = port, out
+        self._name, self._append = name, append
         self._zero = time.time() - time.monotonic()  # later corrections of the clock are ignored
         self._at = rig.protocol.columns.index("time")
-        self._remainder, self._bad = b"", deque[Rejected](maxlen=_KEPT)
-        self._port: Port | None = None
-        self._connect()
+        self._bad = deque[Rejected](maxlen=_KEPT)
+        self._port: Port | None = Port(name, rig.protocol.baud)  # first: without it no file is made
+        try:
+            self._out = Appender(out, log_header(rig), append=append)
+        except BaseException:
+            self._port.close()
+            raise
+        self._begin()
 
     @property
     def connected(self) -> bool:
@@ -181,11 +190,13 @@ class Logger:
         return True
 
     def close(self) -> None:
-        """Close port and file; all rows are on the disk."""
+        """Close port and file; all rows are on the disk, and an empty log is removed."""
         if self._port is not None:
             self._port.close()
             self._port = None
         self._out.close()
+        if not self._out.rows and not self._append:
+            self._out.path.unlink(missing_ok=True)
 
     def _take(self, new: bytes) -> list[Cells]:
         lines = parsed(self.rig.protocol, self._remainder, new)
@@ -199,7 +210,6 @@ class Logger:
         counts = self.counts
         counts.size += size
         counts.rejected += len(rejected)
-        counts.reasons.update(r.reason for r in rejected)
         self._bad.extend(rejected)
         before = counts.last
         for cells in rows:
@@ -213,13 +223,9 @@ class Logger:
         hopeless = counts.rejected >= _MAX_REJECTED or counts.size >= _MAX_BYTES
         if hopeless and not counts.rows:
             bad = [*self._bad, *([Rejected(self._remainder, "garbage")] if not self._bad else [])]
-            raise InputError(f"{self._name()}: {diagnosis(self.rig.protocol, bad, counts.size)}")
+            raise InputError(f"port {self._name}: {diagnosis(self.rig.protocol, bad, counts.size)}")
 
-    def _name(self) -> str:
-        return f"port {self._port.name}" if self._port else "port"
-
-    def _connect(self) -> None:
-        self._port = self._open()
+    def _begin(self) -> None:
         self._remainder = b""
         if self.rig.protocol.begin:
             self.send(self.rig.protocol.begin)
@@ -233,41 +239,11 @@ class Logger:
 
     def _reconnect(self, timeout: float) -> None:
         try:
-            self._connect()
+            self._port = Port(self._name, self.rig.protocol.baud)
         except InputError:
             time.sleep(min(timeout, _RETRY))
-
-
-@contextlib.contextmanager
-def open_logger(
-    name: str, rig: RigSettings, out: Path, *, append: bool = False
-) -> Iterator[Logger]:
-    """Logger of the port `name` to a file; both are closed at the end, and an empty log removed.
-
-    append : whether to continue an existing file
-
-    Raises
-    ------
-    InputError
-        Where port or file cannot be opened.
-    """
-
-    def port() -> Port:
-        return Port(name, rig.protocol.baud)
-
-    opened = [port()]  # first: without a port no file is made
-    try:
-        file = Appender(out, log_header(rig), append=append)
-    except BaseException:
-        opened.pop().close()
-        raise
-    logger = Logger(lambda: opened.pop() if opened else port(), rig, file)
-    try:
-        yield logger
-    finally:
-        logger.close()
-        if not file.rows and not append:
-            out.unlink(missing_ok=True)
+        else:
+            self._begin()
 
 
 _PUMP = 0.1  # [s]

@@ -92,7 +92,7 @@ Cells = tuple[bytes, ...]
 
 
 class Rejected(NamedTuple):
-    """A damaged line, and the reason: "checksum", "columns" or "garbage"."""
+    """A damaged line, and why: a wrong "checksum", number of "columns", or "garbage"."""
 
     line: bytes
     reason: str
@@ -117,21 +117,30 @@ def parsed(form: LineProtocol, remainder: bytes, new: bytes) -> Parsed:
     *lines, last = (remainder + new).split(b"\n")
     rows, rejected = [], []
     for line in lines:
-        cells = read(form, line)
-        if cells is not None:
+        cells, fault = _cells(form, line)
+        if not fault:
             rows.append(cells)
         elif line.strip():
-            rejected.append(Rejected(line[-MAX_LINE:], rejection_reason(form, line)))
+            rejected.append(Rejected(line[-MAX_LINE:], fault))
     return Parsed(rows, rejected, last[-MAX_LINE - 2 :])
 
 
 def read(form: LineProtocol, line: bytes) -> Cells | None:
     """Values of a line as they were written, or None where it is damaged."""
+    cells, fault = _cells(form, line)
+    return None if fault else cells
+
+
+def _cells(form: LineProtocol, line: bytes) -> tuple[Cells, str]:
+    """Values of a line as they were written, and why it is damaged, if it is; see `Rejected`."""
     body, fault = _unwrapped(form, line)
     cells = tuple(body.split(form.separator.encode()))
-    if fault or len(cells) != len(form.columns) or len(line) > MAX_LINE:
-        return None
-    return cells if all(map(_CELL.fullmatch, cells)) else None
+    if fault:
+        return cells, fault
+    numbers = all(map(_CELL.fullmatch, cells))
+    if numbers and len(cells) != len(form.columns):
+        return cells, "columns"
+    return cells, "" if numbers and len(line) <= MAX_LINE else "garbage"
 
 
 def written(form: LineProtocol, values: Sequence[str]) -> bytes:
@@ -161,14 +170,6 @@ def checksum(kind: str, body: bytes) -> bytes:
     if kind == "xor":
         return b"%02X" % reduce(xor, body, 0)
     return b"%04X" % binascii.crc_hqx(body, 0xFFFF)
-
-
-def rejection_reason(form: LineProtocol, line: bytes) -> str:
-    """Why a line is damaged: wrong "checksum", wrong number of "columns", or "garbage"."""
-    body, fault = _unwrapped(form, line)
-    cells = body.split(form.separator.encode())
-    numbers = len(cells) != len(form.columns) and all(map(_CELL.fullmatch, cells))
-    return fault or ("columns" if numbers else "garbage")
 
 
 def diagnosis(form: LineProtocol, rejected: Iterable[Rejected], count: int) -> str:
@@ -282,13 +283,13 @@ class RigSettings:
     ----------
     motors : one for each driven joint
     protocol : LineProtocol
-    mechanism : the [mechanism] table, or None
-    file : name of the rig.toml, for errors
+    tables : all tables of the rig.toml
+    file : its name, for errors
     """
 
     motors: tuple[Motor, ...]
     protocol: LineProtocol
-    mechanism: dict[str, Any] | None
+    tables: dict[str, Any]
     file: str
 
     def torque_columns(self) -> tuple[str, ...]:
@@ -314,16 +315,11 @@ def rig_tables(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path} does not exist; name the rig.toml with --rig")
     document = read_toml(path)
-    _check_tables(document, str(path))
-    return document
-
-
-def _check_tables(document: dict[str, Any], file: str) -> None:
-    """InputError for a misspelt table; tables of other names belong to others."""
-    for key, table in document.items():
+    for key, table in document.items():  # tables of other names belong to others
         hint = nearest(key, _TABLES)
         if key not in _TABLES and isinstance(table, dict | list) and hint.startswith("did"):
-            raise InputError(f"{file}: unknown table [{key}]; {hint}")
+            raise InputError(f"{path}: unknown table [{key}]; {hint}")
+    return document
 
 
 def rig_settings_of(document: dict[str, Any], file: str) -> RigSettings:
@@ -344,7 +340,6 @@ def rig_settings_of(document: dict[str, Any], file: str) -> RigSettings:
     frictionid.errors.InputError: rig.toml: the table [motor] is missing; add it with kt [N m/A]
     and gear
     """
-    _check_tables(document, file)
     if "motor" not in document:
         raise InputError(f"{file}: the table [motor] is missing; add it with kt [N m/A] and gear")
     motor = document["motor"]
@@ -360,5 +355,4 @@ def rig_settings_of(document: dict[str, Any], file: str) -> RigSettings:
                     f"{file}: [motor] names the column {name!r}; [protocol] has "
                     f"{', '.join(protocol.columns)}"
                 )
-    mechanism = document.get("mechanism")
-    return RigSettings(motors, protocol, mechanism if isinstance(mechanism, dict) else None, file)
+    return RigSettings(motors, protocol, document, file)

@@ -7,7 +7,6 @@ recording the controller's clock shows (t - offset)/(1 + drift).
 import math
 import re
 from collections import deque
-from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -26,16 +25,6 @@ _MAX_LINES = 100_000_000
 
 
 @validated
-class Faults:
-    """Faults: share of damaged lines, numbers of unplugged cables and of restarts; their seed."""
-
-    damaged: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    unplugged: Annotated[int, Field(ge=0)] = 0
-    restarts: Annotated[int, Field(ge=0)] = 0
-    seed: int = 0
-
-
-@validated
 class Drive:
     """A virtual drive.
 
@@ -48,7 +37,9 @@ class Drive:
     rate : lines per second [Hz]
     offset [s], drift [1] : of its clock
     gain [1], bias [N m], lag [s], noise [N m] : of the measured torque
-    faults : Faults
+    damaged : share of damaged lines
+    unplugged, restarts : numbers of unplugged cables, and of restarts
+    seed : of faults and noise
     """
 
     rig: RigSettings
@@ -60,7 +51,10 @@ class Drive:
     bias: float = 0.0
     lag: NotNegative = 0.0
     noise: NotNegative = 0.0
-    faults: Faults = field(default_factory=Faults)
+    damaged: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    unplugged: Annotated[int, Field(ge=0)] = 0
+    restarts: Annotated[int, Field(ge=0)] = 0
+    seed: int = 0
 
     def __post_init__(self) -> None:
         columns, motors = self.torque.value.shape[1], len(self.rig.motors)
@@ -86,10 +80,10 @@ class Controller:
         self._time = drive.torque.time[0] + np.arange(drive.lines) / drive.rate
         self._measured = sample(drive.torque, self._time)
         self._commanded = (sample(drive.torque, self._time + drive.lag) - drive.bias) / drive.gain
-        generator = np.random.default_rng(drive.faults.seed)
+        generator = np.random.default_rng(drive.seed)
         self._measured += drive.noise * generator.standard_normal(self._measured.shape)
         self._generator = generator
-        self._restarts = _moments(drive.faults.restarts, drive.lines, generator)
+        self._restarts = _moments(drive.restarts, drive.lines, generator)
         self._obeyed: deque[tuple[float, Array]] = deque(maxlen=1024)
         self._heard, self._booted, self.stopped = -math.inf, 0.0, False
 
@@ -111,7 +105,7 @@ class Controller:
 
     def damaged(self, line: bytes) -> bytes | None:
         """The line with a fault, or None where it stays undamaged."""
-        if self._generator.random() >= self.drive.faults.damaged:
+        if self._generator.random() >= self.drive.damaged:
             return None
         while True:
             broken = broken_line(line, self._generator)
@@ -181,8 +175,8 @@ def broken_line(line: bytes, generator: np.random.Generator) -> bytes:
 
 def unplug_moments(drive: Drive) -> list[int]:
     """Lines during which the cable is pulled."""
-    generator = np.random.default_rng([drive.faults.seed, 1])
-    return _moments(drive.faults.unplugged, drive.lines, generator)
+    generator = np.random.default_rng([drive.seed, 1])
+    return _moments(drive.unplugged, drive.lines, generator)
 
 
 def _moments(count: int, lines: int, generator: np.random.Generator) -> list[int]:

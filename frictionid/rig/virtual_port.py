@@ -106,44 +106,34 @@ _UNPLUGGED = 0.3  # [s] that a pulled cable stays out
 _HALF_LINE = 7  # bytes of the line during which the cable is pulled
 
 
-def play(
-    drive: Drive,
-    terminal: Terminal,
-    *,
-    speed: float = 1.0,
-    sent: BinaryIO | None = None,
-    before_unplug: Callable[[], None] | None = None,
-) -> int:
-    """Play a recording to whoever opens the port; the number of undamaged lines sent.
+class Playback:
+    """Plays a recording to whoever opens the port.
 
     speed : times real time, infinite for as fast as they are read
     sent : file for the undamaged lines
     before_unplug : waits until all lines have been read; by default `Terminal.drain`
     """
-    return _Playback(drive, terminal, speed, sent, before_unplug or terminal.drain).run()
-
-
-class _Playback:
-    """A playback in progress: the next line, and the undamaged lines sent before it."""
 
     def __init__(
         self,
         drive: Drive,
         terminal: Terminal,
-        speed: float,
-        sent: BinaryIO | None,
-        drain: Callable[[], None],
+        *,
+        speed: float = 1.0,
+        sent: BinaryIO | None = None,
+        before_unplug: Callable[[], None] | None = None,
     ) -> None:
-        self._drive, self._terminal, self._sent, self._drain = drive, terminal, sent, drain
+        self._drive, self._terminal, self._sent = drive, terminal, sent
+        self._drain = before_unplug or terminal.drain
         self._controller = Controller(drive)
         self._unplug_at = unplug_moments(drive)
         self._rate, self._speed = drive.rate * speed, speed
-        self._first, self._start, self._next, self._good = 0, 0.0, 0, 0
+        self._start, self._next, self._good = 0.0, 0, 0
 
     def run(self) -> int:
         """Play all lines; the number of undamaged ones."""
         self._wait_for_host()
-        self._first, self._start = self._next, time.monotonic()
+        self._start = time.monotonic()
         while self._next < self._drive.lines:
             for line in self._terminal.received():
                 self._controller.obey(self._next, line)
@@ -167,7 +157,7 @@ class _Playback:
         """Number of lines due by now: all, at an infinite rate."""
         if math.isinf(self._rate):
             return self._drive.lines
-        return self._first + int((time.monotonic() - self._start) * self._rate) + 1
+        return int((time.monotonic() - self._start) * self._rate) + 1
 
     def _resumed(self, line: int) -> int:
         """The line to continue with after a pause: in real time the lines meanwhile are lost."""

@@ -27,11 +27,10 @@ from frictionid.rig.virtual_drive import (
     SILENCE,
     Controller,
     Drive,
-    Faults,
     broken_line,
     torque_of,
 )
-from frictionid.rig.virtual_port import Terminal, play
+from frictionid.rig.virtual_port import Playback, Terminal
 
 QUIET = ["-c", "import sys; from frictionid.__main__ import main; sys.exit(main())"]
 
@@ -107,7 +106,7 @@ def test_a_stopped_drive_obeys_no_more_until_it_is_begun_again():
 
 
 def test_a_restart_sets_the_clock_back_once():
-    drive = Drive(setup(), sine(), faults=Faults(restarts=1, seed=4), offset=-50.0)
+    drive = Drive(setup(), sine(), restarts=1, seed=4, offset=-50.0)
     controller = Controller(drive)
     time = np.array([values(drive, controller, k)[0] for k in range(drive.lines)])
     back = np.flatnonzero(np.diff(time) < 0)
@@ -133,12 +132,14 @@ def test_torques_of_data_sets_are_those_of_the_driven_joints():
 
 
 DRIVES = """
-rate = 0.0   => rate: it should be greater than 0
-lag = -1.0   => lag: it should be greater than or equal to 0
-rate = inf   => rate: it should be a finite number
-rate = 1e12  => lower it
-offset = nan => offset: it should be a finite number
-drift = 1.0  => drift: it should be less than 0.5
+rate = 0.0     => rate: it should be greater than 0
+lag = -1.0     => lag: it should be greater than or equal to 0
+rate = inf     => rate: it should be a finite number
+rate = 1e12    => lower it
+offset = nan   => offset: it should be a finite number
+drift = 1.0    => drift: it should be less than 0.5
+damaged = 1.0  => damaged: it should be less than 1
+unplugged = -1 => unplugged: it should be greater than or equal to 0
 """
 
 
@@ -148,12 +149,9 @@ def test_a_drive_that_cannot_be_is_refused(wrong, words):
         Drive(setup(), sine(), **changes(wrong))
 
 
-def test_torques_of_other_joints_and_faults_that_cannot_be_are_refused():
+def test_torques_of_other_joints_are_refused():
     with assert_refused(r"drives 2 joints, \[motor\] has 1"):
         Drive(setup(), Signal(np.arange(3.0), np.zeros((3, 2))))
-    for faults in ({"damaged": 1.0}, {"unplugged": -1}):
-        with assert_refused("should be"):
-            Faults(**faults)
 
 
 # --- Played to -----------------------------------------------------------------------------------
@@ -176,7 +174,7 @@ def rig(tmp_path):
 
 def _play(drive, terminal):
     try:
-        play(drive, terminal)
+        Playback(drive, terminal).run()
     except (OSError, ValueError):  # the test has pulled the cable
         return
 

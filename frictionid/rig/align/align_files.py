@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -22,7 +22,7 @@ from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.report.tables import render
 
 from ..logfile import ClockRuns, Log, column_names, read_log
-from ..rig_settings import RigSettings, rig_settings_of, rig_tables
+from ..rig_settings import RigSettings, load_rig_settings
 from .clock import Alignment, Clock, align, by_marker
 from .cross_correlation import around
 from .drive_response import DriveResponse, drive_response
@@ -33,25 +33,23 @@ _MAX_DIFFERENCE = 600.0  # [s] by which the clocks of two computers may differ
 _RUNS = 0.002  # [s]: restarts joined less precisely than this are reported as too uncertain
 
 
-@dataclass(frozen=True, eq=False)
-class Rig:
-    """A real rig: its mechanism and drive, and the tables of its rig.toml."""
+class Rig(NamedTuple):
+    """A real rig: its mechanism, and the settings of its drive and camera."""
 
     mechanism: Mechanism
     settings: RigSettings
-    tables: dict[str, Any]
 
     @property
     def exposure(self) -> float:
         """Exposure [s] of the camera, 0 where it is not given."""
-        camera = self.tables.get("camera")
+        camera = self.settings.tables.get("camera")
         exposure = camera.get("exposure") if isinstance(camera, dict) else None
         return float(exposure) if isinstance(exposure, int | float) and exposure > 0 else 0.0
 
     def head(self, hold: str) -> dict[str, Any]:
         """Tables that all recordings of a data set of this rig share."""
         return {
-            "mechanism": dict(self.tables["mechanism"]),
+            "mechanism": dict(self.settings.tables["mechanism"]),
             "columns": joint_columns(self.mechanism.driven),
             "hold": {"torque": hold},
         }
@@ -137,18 +135,18 @@ def load_rig(path: Path) -> Rig:
     InputError
         Without a [mechanism], or where its motors are not those of the drive.
     """
-    tables = rig_tables(path)
-    settings = rig_settings_of(tables, str(path))
-    if settings.mechanism is None or "kind" not in settings.mechanism:
+    settings = load_rig_settings(path)
+    table = settings.tables.get("mechanism")
+    if not isinstance(table, dict) or "kind" not in table:
         raise InputError(f"{path}: the table [mechanism] is missing; add it with its kind")
-    mechanism = mechanism_of(settings.mechanism)
+    mechanism = mechanism_of(table)
     driven = sum(mechanism.driven)
     if driven != len(settings.motors):
         raise InputError(
             f"{path}: [motor] has {len(settings.motors)} motors, the mechanism "
             f"{mechanism.kind!r} drives {driven} joints"
         )
-    return Rig(mechanism, settings, tables)
+    return Rig(mechanism, settings)
 
 
 def align_files(
@@ -175,7 +173,7 @@ def align_files(
     InputError
         For damaged files, and where the clocks cannot be aligned.
     """
-    seen, led = read_angles(angles, rig.tables.get("angles", {}), rig.mechanism.n, marker)
+    seen, led = read_angles(angles, rig.settings.tables.get("angles", {}), rig.mechanism.n, marker)
     raw = read_log(log, [*rig.settings.torque_columns(), *([marker] if marker else [])])
     _check_spans(seen, raw)
     protocol = rig.settings.protocol

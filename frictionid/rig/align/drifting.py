@@ -60,19 +60,12 @@ class Drifting(ShootingProblem):
 
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
-        drift = _drift_of(estimate)
-        drifted_problem = replace(self.inner, intervals=drifted(self.intervals, drift, self.middle))
-        linear = drifted_problem.linearise(estimate, nodes, rows)
-        places = {e: k for k, e in enumerate(_names(self.inner))}
-        by = np.zeros((*linear.by.shape[:-1], self.count))
-        angle = np.zeros((self.count, self.intervals.n))
-        since = (self.intervals.time + self.intervals.dt / 2 - self.middle)[:, None]
-        for k, name in enumerate(_names(self)):
-            if name[0] == "drift":
-                by[..., k] = since * linear.by[..., places["delay", "torque delay"]]
-            else:
-                by[..., k], angle[k] = linear.by[..., places[name]], linear.angle[places[name]]
-        return Linearisation(linear.end, linear.by_start, by, angle)
+        moved = drifted(self.intervals, _drift_of(estimate), self.middle)
+        linear = replace(self.inner, intervals=moved).linearise(estimate, nodes, rows)
+        since = (self.intervals.time + self.intervals.dt / 2 - self.middle)[:, None, None]
+        # the drift comes last, and the delay last before it
+        by = np.concatenate([linear.by, since * linear.by[..., -1:]], axis=-1)
+        return linear._replace(by=by, angle=np.pad(linear.angle, ((0, 1), (0, 0))))
 
 
 def drifting(
@@ -83,9 +76,9 @@ def drifting(
     middle: float,
 ) -> Drifting:
     """The problem of fitting delay, drift and other blocks to the intervals."""
-    delay = DelayBlock()
-    inner = shooting_problem(intervals, estimate, (*blocks, delay), settings)
-    free = free_blocks((*blocks, delay, DriftBlock()), estimate)
+    blocks = (*blocks, DelayBlock())
+    inner = shooting_problem(intervals, estimate, blocks, settings)
+    free = free_blocks((*blocks, DriftBlock()), estimate)
     return Drifting(intervals, free, settings, inner.reads, inner, middle)
 
 
@@ -101,7 +94,3 @@ def drifted(intervals: Intervals, drift: float, middle: float) -> Intervals:
         for r in intervals.dataset.recordings
     )
     return replace(intervals, dataset=replace(intervals.dataset, recordings=recordings))
-
-
-def _names(problem: ShootingProblem) -> list[tuple[str, str]]:
-    return [(p.block, p.name) for p in problem.parameters]

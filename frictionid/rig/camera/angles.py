@@ -281,13 +281,10 @@ def _deviation(link: Array, sigma: Array) -> Array:
     across = (
         np.stack([link[..., 1], -link[..., 0]], axis=-1) / np.maximum(length, 1e-9)[..., None] ** 2
     )
-    slope = np.zeros((T, n, n + 1, 2))  # of the joint angles by the markers
+    turn = np.zeros((T, n, n + 1, 2))  # of the links by the markers
     for i in range(n):
-        slope[:, i, i + 1] += across[:, i]
-        slope[:, i, i] -= across[:, i]
-        if i:
-            slope[:, i, i] -= across[:, i - 1]
-            slope[:, i, i - 1] += across[:, i - 1]
+        turn[:, i, i], turn[:, i, i + 1] = -across[:, i], across[:, i]
+    slope = np.diff(turn, axis=1, prepend=0.0)  # of the joint angles
     return np.sqrt(((slope * sigma[:, None, :, None]) ** 2).sum(axis=(2, 3)))
 
 

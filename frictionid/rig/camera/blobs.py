@@ -7,7 +7,6 @@ under the blur of exposure and lens.
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -57,20 +56,65 @@ class Patch(NamedTuple):
     corner: tuple[int, int]
 
 
-@dataclass(frozen=True)
-class DotModel:
-    """What is known of a dot before it is measured.
+_AREA_TOLERANCE = 0.1  # by which a dot's area may differ from its median
+_FEW = 5  # dots that make a median
+
+
+class Dot:
+    """A marker's dot: its colour, and its size and noise learnt from the frames before.
 
     Attributes
     ----------
+    axis : weights of its colour, see `axis_of`
+    alike : markers whose dots have the same colour
     radius : [px]
     amplitude : share of the colour that the dot itself has
     noise : variance of the share times the area [px^2] over which it is correlated
+    missing : frames without it since it was last seen
     """
 
-    radius: float
-    amplitude: float = 1.0
-    noise: float = 0.02
+    def __init__(self, marker: Marker, alike: list[int]):
+        assert marker.hue is not None
+        self.axis = axis_of(marker.hue, marker.saturation, marker.value)
+        self.alike = alike
+        self.radius, self.amplitude, self.noise = marker.radius, 1.0, 0.02
+        self.full_area = math.pi * marker.radius**2
+        self.missing = 0
+        self._areas: deque[float] = deque(maxlen=31)
+        self._noises: deque[float] = deque(maxlen=200)
+
+    def whole_blob(self, patch: Patch, near: Array, streak: Array) -> Blob | None:
+        """The dot near a place, if it is whole."""
+        blob = centroid(patch, near, streak, self)
+        return blob if blob is not None and self._is_whole(blob) else None
+
+    def _is_whole(self, blob: Blob) -> bool:
+        """Whether the area is the usual one, so that nothing hides a part of the dot."""
+        if len(self._areas) < _FEW:
+            return 0.4 * self.full_area < blob.area < 2.5 * self.full_area
+        return abs(blob.area / _median(self._areas) - 1) < _AREA_TOLERANCE
+
+    def learn(self, blob: Blob) -> None:
+        """Take over area and amplitude of a whole dot."""
+        self._areas.append(blob.area)
+        self.amplitude = blob.amplitude
+        self.missing = 0
+
+    @property
+    def knows_noise(self) -> bool:
+        """Whether the noise has been measured in enough frames."""
+        return len(self._noises) >= 20
+
+    def learn_noise(self, noise: float) -> None:
+        """Take over the noise around the dot, if it was measured."""
+        if np.isfinite(noise):
+            self._noises.append(noise)
+            self.noise = _median(self._noises)
+
+
+def _median(values: deque[float]) -> float:
+    """Upper median, as quickly as a few dozen numbers allow."""
+    return sorted(values)[len(values) // 2]
 
 
 def axis_of(hue: float, saturation: float, value: float) -> Array:
@@ -96,7 +140,7 @@ def colour_patch(image: Image, axis: Array, low: Array, high: Array) -> Patch | 
     return Patch(cv2.transform(part, axis), (x0, y0))
 
 
-def colour_regions(patch: Patch, dot: DotModel) -> Array:
+def colour_regions(patch: Patch, dot: Dot) -> Array:
     """Centres [px] and areas [px^2] of connected regions in the dot's colour, largest first.
 
     Shape (B, 3): x, y, area. Regions of less than a third of the dot's area are left out.
@@ -127,7 +171,7 @@ class _Window(NamedTuple):
     grain: float
 
 
-def centroid(patch: Patch, near: Array, streak: Array, dot: DotModel) -> Blob | None:
+def centroid(patch: Patch, near: Array, streak: Array, dot: Dot) -> Blob | None:
     """The dot near a place, None where there is none.
 
     With the share s of a pixel, the background b around the dot and a tint t that backgrounds may
@@ -143,7 +187,7 @@ def centroid(patch: Patch, near: Array, streak: Array, dot: DotModel) -> Blob | 
     patch : Patch
     near : array, shape (2,) [px]
     streak : array, shape (2,) [px], by which the dot moves during the exposure
-    dot : DotModel
+    dot : Dot
     """
     half = float(streak[0]) / 2, float(streak[1]) / 2
     window = _converged(patch, near, half, dot)
@@ -159,9 +203,7 @@ def centroid(patch: Patch, near: Array, streak: Array, dot: DotModel) -> Blob | 
     return Blob(at, _deviation(window, dot, length), amplitude, area / amplitude)
 
 
-def _converged(
-    patch: Patch, near: Array, half: tuple[float, float], dot: DotModel
-) -> _Window | None:
+def _converged(patch: Patch, near: Array, half: tuple[float, float], dot: Dot) -> _Window | None:
     """The window after at most four moves to its own centroid, None where too little is in it."""
     share, reach = patch.share, dot.radius + _EDGE
     least = _FAINT * dot.amplitude * math.pi * dot.radius**2
@@ -186,7 +228,7 @@ def _converged(
     return _Window(at, inside, mass, background, grain)
 
 
-def _deviation(window: _Window, dot: DotModel, length: float) -> float:
+def _deviation(window: _Window, dot: Dot, length: float) -> float:
     """Standard deviation of the centroid [px]: noise within the dot, and what passes around it."""
     passed = _passed_noise(_TINT * dot.amplitude / max(window.grain, 1e-9))
     within = _spread(dot.radius, length)
@@ -268,7 +310,7 @@ def _stadium(
 
 
 def noise_of(patch: Patch, at: Array, reach: float) -> float:
-    """Noise, see `DotModel`, of what lies around a dot; nan where too little does."""
+    """Noise, see `Dot`, of what lies around a dot; nan where too little does."""
     share = patch.share
     rows, columns = share.shape[0] // _BLOCK, share.shape[1] // _BLOCK
     if rows < 2 or columns < 2:
@@ -282,59 +324,3 @@ def noise_of(patch: Patch, at: Array, reach: float) -> float:
         return float("nan")
     middle = np.median(away)
     return float((1.4826 * np.median(np.abs(away - middle))) ** 2 * _BLOCK**2)
-
-
-_AREA_TOLERANCE = 0.1  # by which a dot's area may differ from its median
-_FEW = 5  # dots that make a median
-
-
-class Dot:
-    """A marker's dot: its colour, and its size and noise learnt from the frames before."""
-
-    def __init__(self, marker: Marker, alike: list[int]):
-        assert marker.hue is not None
-        self.axis = axis_of(marker.hue, marker.saturation, marker.value)
-        self.alike = alike  # markers whose dots have the same colour
-        self.model = DotModel(marker.radius)
-        self.full_area = math.pi * marker.radius**2
-        self.missing = 0
-        self._areas: deque[float] = deque(maxlen=31)
-        self._noises: deque[float] = deque(maxlen=200)
-
-    @property
-    def radius(self) -> float:
-        """Radius [px] of the dot."""
-        return self.model.radius
-
-    def whole_blob(self, patch: Patch, near: Array, streak: Array) -> Blob | None:
-        """The dot near a place, if it is whole."""
-        blob = centroid(patch, near, streak, self.model)
-        return blob if blob is not None and self._is_whole(blob) else None
-
-    def _is_whole(self, blob: Blob) -> bool:
-        """Whether the area is the usual one, so that nothing hides a part of the dot."""
-        if len(self._areas) < _FEW:
-            return 0.4 * self.full_area < blob.area < 2.5 * self.full_area
-        return abs(blob.area / _median(self._areas) - 1) < _AREA_TOLERANCE
-
-    def learn(self, blob: Blob) -> None:
-        """Take over area and amplitude of a whole dot."""
-        self._areas.append(blob.area)
-        self.model = DotModel(self.radius, blob.amplitude, self.model.noise)
-        self.missing = 0
-
-    @property
-    def knows_noise(self) -> bool:
-        """Whether the noise has been measured in enough frames."""
-        return len(self._noises) >= 20
-
-    def learn_noise(self, noise: float) -> None:
-        """Take over the noise around the dot, if it was measured."""
-        if np.isfinite(noise):
-            self._noises.append(noise)
-            self.model = DotModel(self.radius, self.model.amplitude, _median(self._noises))
-
-
-def _median(values: deque[float]) -> float:
-    """Upper median, as quickly as a few dozen numbers allow."""
-    return sorted(values)[len(values) // 2]

@@ -88,12 +88,11 @@ class Follower:
         self.setup, markers = setup, setup.markers
         self.n, self.exposure = setup.n, setup.camera.exposure
         hues = [m.hue for m in markers]
-        self.dots = [
-            None
-            if m.hue is None
-            else Dot(m, [j for j, h in enumerate(hues) if j != i and h == m.hue])
+        self.dots = {
+            i: Dot(m, [j for j, h in enumerate(hues) if j != i and h == m.hue])
             for i, m in enumerate(markers)
-        ]
+            if m.hue is not None
+        }
         pixels = setup.links.pixels
         self.lengths = None if pixels is None else np.array(pixels)
         self.past: deque[tuple[float, Array]] = deque(maxlen=3)  # time and theta of whole frames
@@ -144,9 +143,7 @@ class Follower:
         blobs: list[Blob | None] = [None] * (self.n + 1)
         if predicted.margin is None:
             return at, blobs
-        for i, dot in enumerate(self.dots):
-            if dot is None:
-                continue
+        for i, dot in self.dots.items():
             reach = dot.radius + predicted.margin + _MARGIN_PER_MISS * dot.missing
             half = np.abs(predicted.streak[i]) / 2 + reach
             patch = colour_patch(image, dot.axis, at[i] - half, at[i] + half)
@@ -159,12 +156,11 @@ class Follower:
     def _in_patch(self, patch: Patch, i: int, at: Array, streak: Array) -> Blob | None:
         """The whole dot of marker i in a patch, None where it is hidden or may be another one."""
         dot = self.dots[i]
-        assert dot is not None
         if self._is_ambiguous(i, at[i], at, streak):
             return None
         blob = dot.whole_blob(patch, at[i], streak[i])
         if blob is None:  # the prediction was not good enough to start from
-            regions = colour_regions(patch, dot.model)
+            regions = colour_regions(patch, dot)
             if not len(regions):
                 return None
             nearest = regions[np.argmin(np.hypot(*(regions[:, :2] - at[i]).T))]
@@ -181,10 +177,8 @@ class Follower:
     def _is_ambiguous(self, i: int, place: Array, at: Array, streak: Array) -> bool:
         """Whether a dot of the same colour is so near that the two cannot be told apart."""
         dot = self.dots[i]
-        assert dot is not None
         for j in dot.alike:
-            other = self.dots[j]
-            reach = dot.radius + (other.radius if other else 0.0) + 4.0
+            reach = dot.radius + self.dots[j].radius + 4.0
             reach += (math.hypot(*streak[i]) + math.hypot(*streak[j])) / 2
             if math.dist(place, at[j]) < reach:
                 return True
@@ -194,20 +188,13 @@ class Follower:
         """Whether the link before marker i keeps its length."""
         assert self.lengths is not None
         length = math.dist(place, at[i - 1])
-        slack = _PIXELS + (_MARGIN if self._missing(i - 1) else 0.0)
+        before = self.dots.get(i - 1)
+        slack = _PIXELS + (_MARGIN if before and before.missing else 0.0)
         return abs(length - self.lengths[i - 1]) < _LENGTH * self.lengths[i - 1] + slack
-
-    def _missing(self, i: int) -> int:
-        dot = self.dots[i]
-        return 0 if dot is None else dot.missing
 
     def _must_search_all(self, predicted: Prediction, blobs: list[Blob | None]) -> bool:
         """Whether dots are missing that no window will show: at the start, or for some frames."""
-        lost = [
-            dot.missing
-            for dot, blob in zip(self.dots, blobs, strict=True)
-            if dot is not None and blob is None
-        ]
+        lost = [dot.missing for i, dot in self.dots.items() if blobs[i] is None]
         return bool(lost) and (predicted.margin is None or max(lost) >= _SEARCH_AFTER)
 
     def _search_all(self, image: Image, predicted: Prediction, search: Search) -> Search:
@@ -218,24 +205,21 @@ class Follower:
         if best is None:
             return search
         at, blobs = search[0].copy(), list(search[1])
-        for i, blob in enumerate(best):
-            if self.dots[i] is not None:
-                blobs[i], at[i] = blob, blob.at
+        for i in self.dots:
+            blobs[i], at[i] = best[i], best[i].at
         if self.lengths is None:
             self.lengths = _lengths(best)
         return at, blobs
 
     def _candidates(self, image: Image, i: int, streak: Array) -> list[Blob]:
         """Blobs in the whole picture that may be marker i."""
-        dot = self.dots[i]
+        dot = self.dots.get(i)
         if dot is None:
             return [Blob(np.array(self.setup.markers[i].at), 0.0, 0.0, 0.0)]
         patch = colour_patch(image, dot.axis, np.zeros(2), np.array(image.shape[1::-1], float))
         assert patch is not None
-        regions = colour_regions(patch, dot.model)[:_MAX_REGIONS]
-        blobs = [
-            centroid(_cut(patch, place, dot), place, streak, dot.model) for place in regions[:, :2]
-        ]
+        regions = colour_regions(patch, dot)[:_MAX_REGIONS]
+        blobs = [centroid(_cut(patch, place, dot), place, streak, dot) for place in regions[:, :2]]
         return [blob for blob in blobs if blob is not None]
 
     def _best_chain(self, candidates: list[list[Blob]]) -> list[Blob] | None:
@@ -249,8 +233,8 @@ class Follower:
             gaps = np.linalg.norm(places[:, None] - places[None], axis=-1)
             if (gaps + 1e9 * np.eye(len(gaps)) < 2.0).any():
                 continue  # one dot cannot be two markers
-            pairs = zip(chain, self.dots, strict=True)
-            size = sum(min(blob.area / dot.full_area, 1.0) for blob, dot in pairs if dot)
+            shares = (chain[i].area / dot.full_area for i, dot in self.dots.items())
+            size = sum(min(share, 1.0) for share in shares)
             cost = self._length_error(_lengths(chain)) - 0.05 * size
             if cost < least:
                 best, least = list(chain), cost
@@ -271,7 +255,8 @@ class Follower:
         """The markers of the frame; those that were found improve the next predictions."""
         at, blobs = search[0].copy(), search[1]
         seen, sigma = np.zeros(self.n + 1, dtype=bool), np.full(self.n + 1, np.nan)
-        for i, (dot, blob) in enumerate(zip(self.dots, blobs, strict=True)):
+        for i, blob in enumerate(blobs):
+            dot = self.dots.get(i)
             if dot is None:
                 seen[i], sigma[i] = True, 0.0
             elif blob is None:
@@ -302,9 +287,7 @@ def unwrapped_direction(link: Array, near: Array) -> Array:
 
 def follow(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[Markers]:
     """Markers of each frame, one after the other."""
-    follower = Follower(setup)
-    for frame in frames:
-        yield follower.step(frame)
+    return map(Follower(setup).step, frames)
 
 
 def gather(steps: list[Markers]) -> Markers:
