@@ -114,16 +114,15 @@ def accuracy(folder: Path, table: Table) -> None:
         ("difficult", HARD, swinging(3, 343)),
         ("difficult, to 20 rad/s", HARD, fast(4)),
     ):
-        source = open_source(str(write_film(film, motion, folder / "film")[0]))
-        angles = track(source, marker_setup_of(film))
+        source = open_source(str(write_film(film, motion, folder / "film")))
+        angles = track(source, marker_setup_of(film)).angles
         e = errors(angles, motion)
         stated = np.degrees(np.sqrt(np.nanmean(angles.sigma**2, axis=0)))
         ratio = " / ".join(f"{v:.2f}" for v in (e - e.mean(axis=0)).std(axis=0) / stated)
         found = np.mean(np.array(angles.state) == "found")
         row = rms(e), f"{np.abs(e).max():.3f}", ratio, f"{found:.1%}"
-        table.add_row(
-            name, *row, rms(errors(track(source, marker_setup_of(film), "study"), motion))
-        )
+        study = track(source, marker_setup_of(film), method="study").angles
+        table.add_row(name, *row, rms(errors(study, motion)))
 
 
 def crossings(folder: Path, seeds: int) -> str:
@@ -140,8 +139,8 @@ def crossings(folder: Path, seeds: int) -> str:
     swapped, found = 0, []
     for seed in progress(range(seeds), "dots of one colour"):
         motion = whirling(seed, 120) if seed % 2 else swinging(seed, 120)
-        path = write_film(replace(film, seed=seed), motion, folder / "film")[0]
-        angles = track(open_source(str(path)), setup)
+        path = write_film(replace(film, seed=seed), motion, folder / "film")
+        angles = track(path, setup).angles
         found.append(np.mean(np.array(angles.state) == "found"))
         swapped += bool(np.abs(errors(angles, motion)).max() > 0.5)
     return f"dots of one colour: {swapped} of {seeds} seeds swapped, {np.mean(found):.1%} found"
@@ -169,7 +168,7 @@ def proposals(folder: Path, seeds: int) -> str:
         pivot = rng.uniform(500, 780), rng.uniform(330, 390)
         view = View(pivot=pivot, tilt=tuple(rng.uniform(-4, 4, 2)))
         film = replace(PLAIN, view=view, look=look, seed=seed)
-        path = write_film(film, swinging(seed, 240), folder / "film")[0]
+        path = write_film(film, swinging(seed, 240), folder / "film")
         try:
             setup = propose(open_source(str(path)))
         except InputError:
@@ -204,11 +203,10 @@ def decoded(path: Path) -> int:
 
 def speed(folder: Path) -> str:
     """Frames per second, tracked and only decoded."""
-    path = write_film(replace(PLAIN, codec="mpeg4"), fast(20), folder / "film")[0]
+    path = write_film(replace(PLAIN, codec="mpeg4"), fast(20), folder / "film")
     count, setup = decoded(path), marker_setup_of(PLAIN)
     alone, ours = (
-        count / seconds(work)
-        for work in (lambda: decoded(path), lambda: track(open_source(str(path)), setup))
+        count / seconds(work) for work in (lambda: decoded(path), lambda: track(path, setup))
     )
     return (
         f"speed (MPEG-4): {ours[0]:.0f} frames/s on the wall, decoding alone {alone[0]:.0f}: "

@@ -50,11 +50,11 @@ def seen(
 ) -> tuple[MarkerSetup, Angles]:
     """Angles from a film of a recording, and what the tracker looked for."""
     assert recording.truth is not None
-    path, *_ = write_film(film, recording.truth, folder / recording.name)
+    path = write_film(film, recording.truth, folder / recording.name)
     source = open_source(str(path))
     if setup is None:
         setup = propose(source).model_copy(update={"links": Links(lengths=list(film.lengths))})
-    angles = track(source, setup)
+    angles = track(source, setup).angles
     path.unlink()  # a hundred megabytes each
     return setup, angles
 

@@ -84,7 +84,7 @@ if TYPE_CHECKING:
     from frictionid.friction.laws import TorchModule as TorchModule
     from frictionid.friction.laws import WindowMLP as WindowMLP
     from frictionid.rig.align.recording_folder import align as align
-    from frictionid.rig.camera.tracked import track as track
+    from frictionid.rig.camera.track import track as track
 
 _ROOMS = {"mechanisms": "frictionid.mechanics"}
 

@@ -108,9 +108,7 @@ def check_unchanged(folder: Path, *, replace: bool = False) -> None:
         With the file that was changed.
     """
     for name, sums in sorted(_listed(folder).items()):
-        path = folder / name
-        if not replace and os.path.lexists(path) and not _is_ours(path, sums):
-            raise _changed(path)
+        _check_ours(folder / name, sums, replace)
 
 
 def replace_files(folder: Path, contents: Mapping[str, bytes], *, replace: bool = False) -> None:
@@ -166,15 +164,15 @@ def _check_place(folder: Path, name: str, sums: frozenset[str], replace: bool) -
         raise InputError(f"{link} is a link to another folder, which is left alone: remove it")
     if path.is_dir() and not path.is_symlink():
         raise InputError(f"{path} is a folder where a file is to be written: move it")
+    _check_ours(path, sums, replace)
+
+
+def _check_ours(path: Path, sums: frozenset[str], replace: bool) -> None:
     if not replace and os.path.lexists(path) and not _is_ours(path, sums):
-        raise _changed(path)
-
-
-def _changed(path: Path) -> InputError:
-    return InputError(
-        f"{path} was changed, or is none that was written here: move it, or write over it with "
-        "--replace"
-    )
+        raise InputError(
+            f"{path} was changed, or is none that was written here: move it, or write over it with "
+            "--replace"
+        )
 
 
 def _is_ours(path: Path, sums: Iterable[str]) -> bool:

@@ -12,7 +12,6 @@ from camera import PLAIN, decoded, errors, fast, marker_setup_of
 from case import Case, Part, Side
 
 from frictionid.rig.camera.film import write_film
-from frictionid.rig.camera.source import open_source
 from frictionid.rig.camera.track import track
 
 SECONDS = 5
@@ -23,11 +22,11 @@ def tracking() -> Part:
     cv2.setNumThreads(1)
     folder = Path(tempfile.mkdtemp(prefix="frictionid-bench-"))
     motion = fast(SECONDS)
-    path = write_film(replace(PLAIN, codec="mpeg4"), motion, folder / "film")[0]
+    path = write_film(replace(PLAIN, codec="mpeg4"), motion, folder / "film")
     setup, count = marker_setup_of(PLAIN), len(motion.angle.time)
 
     def ours() -> float:
-        e = errors(track(open_source(str(path)), setup), motion)
+        e = errors(track(path, setup).angles, motion)
         return float(np.sqrt((e**2).mean()))
 
     def theirs() -> float:

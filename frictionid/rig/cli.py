@@ -190,13 +190,12 @@ def log(
     from .rig_settings import load_rig_settings
 
     settings = load_rig_settings(rig)
-    show = ProgressLine(settings.protocol.columns)
     with (
         stop_requests() as stop,
-        closing(Logger(port, settings, out, append=append)) as logger,
-        show,
+        ProgressLine(settings.protocol.columns) as show,
+        closing(Logger(port, settings, out, append=append, show=show)) as logger,
     ):
-        log_until(logger, stop, show, seconds, patience)
+        log_until(logger, stop, seconds, patience)
     print(counts_text(logger.counts))
     print(f"written to {out}")
 
@@ -234,12 +233,11 @@ def excite(
 
     settings = load_rig_settings(rig)
     torque, how = load_signal(signal, settings), PlaySettings(rate, ramp, silence)
-    show = ProgressLine(settings.protocol.columns)
     with (
         stop_requests() as asked,
         keys() as key,
-        closing(Logger(port, settings, out, append=append)) as logger,
-        show,
+        ProgressLine(settings.protocol.columns) as show,
+        closing(Logger(port, settings, out, append=append, show=show)) as logger,
     ):
 
         def stop() -> str:
@@ -248,7 +246,7 @@ def excite(
                 return f"emergency stop by the key {pressed!r}"
             return "ramp" if asked() else ""
 
-        reason = play(logger, torque, how, stop, show)
+        reason = play(logger, torque, how, stop)
     print(counts_text(logger.counts))
     print(f"written to {out}")
     if reason:

@@ -132,6 +132,7 @@ class Logger:
     """Appends the good lines of the port `name` to a file.
 
     append : whether to continue an existing file
+    show : is called with the counts, and whether the port is there, whenever lines may have come
 
     Raises
     ------
@@ -139,9 +140,17 @@ class Logger:
         Where port or file cannot be opened.
     """
 
-    def __init__(self, name: str, rig: RigSettings, out: Path, *, append: bool = False) -> None:
+    def __init__(
+        self,
+        name: str,
+        rig: RigSettings,
+        out: Path,
+        *,
+        append: bool = False,
+        show: Callable[[Counts, bool], None] = lambda *_: None,
+    ) -> None:
         self.counts = Counts()
-        self.rig = rig
+        self.rig, self.show = rig, show
         self._name, self._append = name, append
         self._zero = time.time() - time.monotonic()  # later corrections of the clock are ignored
         self._at = rig.protocol.columns.index("time")
@@ -167,16 +176,16 @@ class Logger:
         InputError
             Where no line can be read, and where the file cannot be written.
         """
+        rows: list[Cells] = []
         if self._port is None:
             self._reconnect(timeout)
-        if self._port is None:
-            return []
-        try:
-            new = self._port.read(timeout)
-        except UnpluggedError:
-            self._lost()
-            return []
-        return self._take(new)
+        if self._port is not None:
+            try:
+                rows = self._take(self._port.read(timeout))
+            except UnpluggedError:
+                self._lost()
+        self.show(self.counts, self.connected)
+        return rows
 
     def send(self, text: str) -> bool:
         """Send a command with mark and checksum; False where the port is gone."""
@@ -324,7 +333,6 @@ def stop_requests() -> Iterator[Callable[[], bool]]:
 def log_until(
     logger: Logger,
     stop: Callable[[], bool],
-    show: Callable[[Counts, bool], None],
     seconds: float | None = None,
     patience: float | None = None,
 ) -> None:
@@ -338,7 +346,6 @@ def log_until(
     start = last = time.monotonic()
     while not stop():
         came = bool(logger.pump(_PUMP))
-        show(logger.counts, logger.connected)
         now = time.monotonic()
         last = now if came else last
         if seconds is not None and now - start > seconds:

@@ -19,15 +19,13 @@ from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 
-from .log import Counts, Logger
+from .log import Logger
 from .logfile import column_names
 from .rig_settings import Cells, RigSettings
 
 _PUMP = 0.05  # [s], longest wait for a line
 _REPEATS = 3  # of a stop command: a line may be damaged
 _OVERLOAD = 1.5  # times the limit: a larger measured torque stops at once
-
-Show = Callable[[Counts, bool], None]
 
 
 @validated
@@ -82,9 +80,7 @@ def load_signal(path: Path, rig: RigSettings) -> Signal:
     return torque._replace(time=torque.time - torque.time[0])
 
 
-def excite(
-    logger: Logger, signal: Signal, settings: PlaySettings, stop: Callable[[], str], show: Show
-) -> str:
+def excite(logger: Logger, signal: Signal, settings: PlaySettings, stop: Callable[[], str]) -> str:
     """Play a signal while logging; the reason why it ended early, "" where it did not.
 
     stop : reason to stop at once, "" while there is none; "ramp" ramps the torque down first
@@ -92,8 +88,8 @@ def excite(
     Whatever happens, the last that the drive receives is zero torque and its stop command.
     """
     try:
-        _wait_for_drive(logger, settings, show)
-        return _played(logger, signal, settings, stop, show)
+        _wait_for_drive(logger, settings)
+        return _played(logger, signal, settings, stop)
     finally:
         for _ in range(_REPEATS):
             _command(logger, np.zeros(len(logger.rig.motors)))
@@ -101,19 +97,16 @@ def excite(
         logger.pump(_PUMP)
 
 
-def _wait_for_drive(logger: Logger, settings: PlaySettings, show: Show) -> None:
+def _wait_for_drive(logger: Logger, settings: PlaySettings) -> None:
     end = time.monotonic() + max(4 * settings.silence, 1.0)
     while not logger.pump(_PUMP):
-        show(logger.counts, logger.connected)
         if time.monotonic() > end:
             raise InputError(
                 "the drive is silent: nothing is played to a drive that does not report"
             )
 
 
-def _played(
-    logger: Logger, signal: Signal, settings: PlaySettings, stop: Callable[[], str], show: Show
-) -> str:
+def _played(logger: Logger, signal: Signal, settings: PlaySettings, stop: Callable[[], str]) -> str:
     """Send commands until the signal and the ramp down are over, or something stops them.
 
     The torque is the signal times an envelope: up within the ramp, down from `ramp_down` on.
@@ -130,7 +123,6 @@ def _played(
         count += 1
         due = start + count / settings.rate
         rows = logger.pump(max(min(due - time.monotonic(), _PUMP), 0.0))
-        show(logger.counts, logger.connected)
         heard = time.monotonic() if rows else heard
         asked = stop()
         emergency = _overload(logger.rig, rows) if asked in ("", "ramp") else asked

@@ -18,10 +18,7 @@ from numpy.testing import assert_allclose
 import frictionid as fid
 from frictionid import load_dataset
 from frictionid.rig.camera.film import shots, write_film
-from frictionid.rig.camera.marker_setup import load_marker_setup
 from frictionid.rig.camera.source import Source, open_source
-from frictionid.rig.camera.track import track
-from frictionid.rig.camera.tracked import contact_sheet
 
 FILM = Film(LENGTHS, view=SMALL)
 MOTION = motion(60)
@@ -52,23 +49,23 @@ def place(tmp_path_factory):
 
 @pytest.mark.parametrize("name", ["even.mov", "squeezed.mp4", "uneven.mov"])
 def test_videos_give_their_own_times_and_right_angles(place, name):
-    source = open_source(str(place / name))
-    angles = track(source, load_marker_setup(place / "rig.toml"))
+    tracked = fid.track(place / name, place / "rig.toml")
+    angles = tracked.angles
     expected = MOTION.angle.time
     if name.startswith("uneven"):
         assert len(angles.time) < len(expected) and np.ptp(np.diff(angles.time)) > 0.01
     else:
         assert_allclose(angles.time, expected, atol=1e-5)
-        assert abs(source.rate - 60) < 0.5
+        assert abs(tracked.source.rate - 60) < 0.5
     assert np.abs(errors(angles, MOTION)).max() < 0.5
 
 
 def test_a_folder_of_pictures_is_a_video(place, tmp_path):
     for k, frame in enumerate(open_source(str(place / "even.mov")).frames()):
         cv2.imwrite(str(tmp_path / f"{k:04d}.png"), frame.image)
-    rig = load_marker_setup(place / "rig.toml")
-    video = track(open_source(str(place / "even.mov")), rig)
-    pictures = track(open_source(str(tmp_path), 60.0), rig)
+    rig = place / "rig.toml"
+    video = fid.track(place / "even.mov", rig).angles
+    pictures = fid.track(open_source(str(tmp_path), 60.0), rig).angles
     assert_allclose(video.q, pictures.q, atol=1e-8)
     assert_allclose(video.time, pictures.time, atol=1e-5)
 
@@ -111,9 +108,7 @@ def test_an_overlay_has_every_frame(place, tmp_path, run):
 def test_a_contact_sheet_shows_frames_without_a_dot(place):
     film = replace(FILM, hidden=0.3)
     write_film(film, MOTION, place / "hidden")
-    source = open_source(str(place / "hidden.mov"))
-    angles = track(source, marker_setup_of(film))
-    sheet = contact_sheet(source.frames(), angles, source.size)
+    sheet = fid.track(place / "hidden.mov", marker_setup_of(film)).sheet()
     assert sheet.shape[1] == 4 * 480 and sheet.std() > 5
 
 
@@ -197,13 +192,12 @@ class Live(Source):
 
 
 def test_an_interrupt_ends_a_live_camera_and_loses_nothing(place):
-    setup = load_marker_setup(place / "rig.toml")
-    film = str(place / "even.mov")
-    angles = track(Live("0", "live", SMALL.size, 0.0, None, (film,)), setup)
+    rig, film = place / "rig.toml", str(place / "even.mov")
+    angles = fid.track(Live("0", "live", SMALL.size, 0.0, None, (film,)), rig).angles
     assert len(angles.time) == 25
-    assert_allclose(angles.q, track(open_source(film), setup).q[:25], atol=1e-3)
+    assert_allclose(angles.q, fid.track(film, rig).angles.q[:25], atol=1e-3)
     with pytest.raises(KeyboardInterrupt):
-        track(Live("film", "video", SMALL.size, 60.0, None, (film,)), setup)
+        fid.track(Live("film", "video", SMALL.size, 60.0, None, (film,)), rig)
 
 
 OUTPUTS = """

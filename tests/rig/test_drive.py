@@ -179,10 +179,10 @@ def _play(drive, terminal):
         return
 
 
-def played(log, length=60.0, ramp=0.1, asked=lambda: "", show=lambda *_: None):
+def played(log, length=60.0, ramp=0.1, asked=lambda: ""):
     """Why the playback of 0.3 N m ended."""
     torque = Signal(np.array([0.0, length]), np.full((2, 1), 0.3), "previous")
-    return excite(log, torque, PlaySettings(ramp=ramp, silence=20.0), asked, show)
+    return excite(log, torque, PlaySettings(ramp=ramp, silence=20.0), asked)
 
 
 def test_a_signal_is_played_logged_and_ramped(rig, tmp_path):
@@ -231,7 +231,8 @@ def test_a_drive_that_falls_silent_is_ramped_down(rig):
         if next(count) == 30:
             terminal.unplug()
 
-    assert played(log, show=show) == "the drive fell silent"
+    log.show = show
+    assert played(log) == "the drive fell silent"
 
 
 SIGNALS = """

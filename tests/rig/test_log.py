@@ -294,8 +294,9 @@ def test_a_request_to_stop_ends_the_log_with_all_rows_safe(opened, protocol, tmp
         if counts.rows == 7:
             os.kill(os.getpid(), number)
 
+    log.show = show
     with stop_requests() as stop:
-        log_until(log, stop, show)
+        log_until(log, stop)
     assert len(read_log(tmp_path / "log.csv").columns["time"]) == 7
 
 

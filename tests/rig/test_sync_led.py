@@ -25,6 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+import frictionid as fid
 from frictionid.check.motion import motions_of, unit_rows
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
@@ -37,8 +38,6 @@ from frictionid.rig.camera.film import load_film, write_film
 from frictionid.rig.camera.marker_setup import Links, load_marker_setup, marker_setup_text
 from frictionid.rig.camera.marker_setup import SyncLed as TrackedLed
 from frictionid.rig.camera.scene import SyncLed
-from frictionid.rig.camera.source import open_source
-from frictionid.rig.camera.track import track
 from frictionid.simulate import Steps
 
 OFFSET, DRIFT = 0.137, 50e-6
@@ -129,8 +128,8 @@ def test_every_frame_has_a_brightness_whatever_the_dots_and_the_method(tmp_path)
     setup = marker_setup_of(film).model_copy(
         update={"sync_led": TrackedLed(at=[600.0, 40.0], radius=4.0)}
     )
-    source = open_source(str(tmp_path / "film.mov"))
-    angles = {method: track(source, setup, method) for method in ("follow", "study")}
+    video = tmp_path / "film.mov"
+    angles = {m: fid.track(video, setup, method=m).angles for m in ("follow", "study")}
     name, bright = angles["follow"].sync_led
     time = angles["follow"].time
     share = np.array([led.share(t - 0.002, t + 0.002) for t in time])
@@ -145,7 +144,7 @@ def test_every_frame_has_a_brightness_whatever_the_dots_and_the_method(tmp_path)
     lines = angles_csv(angles["follow"]).splitlines()
     assert lines[0].endswith(",state,sync_led") and {line.count(",") for line in lines} == {8}
     assert [float(line.rpartition(",")[2]) for line in lines[1:]] == pytest.approx(bright, abs=1e-5)
-    plain = angles_csv(track(source, marker_setup_of(film)))
+    plain = angles_csv(fid.track(video, marker_setup_of(film)).angles)
     assert (
         "sync_led" not in plain
         and [line.rpartition(",")[0] for line in lines] == plain.splitlines()

@@ -102,10 +102,9 @@ class Alignment:
     viscous : array, shape (n,), viscous friction of the fit [N m s/rad]
     viscous_slope : array, shape (n,), its change per second of offset [N m s/rad / s]
     coarse : CoarseOffset, None where a clock was given in its place
-    noise : array, shape (n,) [rad], of the angles
     converged : whether the fit converged
     marker_only : why the motion does not determine the clock, where the marker alone does; then
-        `viscous`, `viscous_slope` and `noise` are nan
+        `viscous` and `viscous_slope` are nan
     """
 
     clock: Clock
@@ -115,7 +114,6 @@ class Alignment:
     viscous: Array
     viscous_slope: Array
     coarse: CoarseOffset | None
-    noise: Array
     converged: bool
     marker_only: str = ""
 
@@ -195,7 +193,6 @@ def by_marker(
         viscous=unknown,
         viscous_slope=unknown,
         coarse=None,
-        noise=unknown,
         converged=True,
         marker_only=reason,
     )
@@ -287,7 +284,6 @@ def _by_shooting(data: Dataset, clock: Clock, coarse: CoarseOffset | None) -> Al
         viscous=viscous,
         viscous_slope=slope,
         coarse=coarse,
-        noise=fit.sigma,
         converged=fit.converged,
     )
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft  # scipy.signal takes a second to import
+from scipy.linalg import orth
 
 from frictionid.arrays import Array
 from frictionid.check.motion import MIN_WINDOWS, WIDTH
@@ -214,8 +215,7 @@ def _convolved(a: Array, b: Array) -> Array:
 def _basis(columns: Array) -> Array:
     """Orthonormal basis of some columns."""
     size = np.sqrt((columns**2).sum(axis=0))
-    U, s, _ = np.linalg.svd(columns / np.where(size > 0, size, 1.0), full_matrices=False)
-    return U[:, s > 1e-6 * s[0]]
+    return orth(columns / np.where(size > 0, size, 1.0), rcond=1e-6)
 
 
 def _means(torque: Signal, clock: Array) -> Array:

@@ -4,6 +4,7 @@ import hashlib
 import math
 import re
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +28,9 @@ from frictionid.report.figures.style import (
     COLOURS,
     DARK,
     GREY,
-    WIDTH,
-    drawing,
     figure,
     key_above,
-    rendered,
+    png,
 )
 from frictionid.report.numbers import either
 
@@ -104,7 +103,9 @@ def align(
 
 def _write(aligned: Aligned, head: Mapping[str, Any], folder: Path) -> None:
     """Add the recording to a data set, its numbers and pictures beside it."""
-    name, pictures = aligned.name, alignment_pictures(aligned)
+    name, pictures = aligned.name, {"clock": png(partial(clock_picture, aligned))}
+    if aligned.command is not None and any(aligned.responses):
+        pictures["command"] = png(partial(command_picture, aligned, aligned.command))
     add_recording(folder, name, head, aligned.angle, aligned.torque)
     write_text(folder / f"{name}.align.toml", tomli_w.dumps(aligned.document))
     for kind, picture in pictures.items():
@@ -160,12 +161,6 @@ def add_recording(
     folder: Path, name: str, head: Mapping[str, Any], angle: Signal, torque: Signal
 ) -> None:
     """Add a recording to a data set; torque (n columns) is on the angles' clock."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{folder} cannot be made ({error.strerror}); name another --out"
-        ) from None
     described = folder / "dataset.toml"
     document = read_toml(described) if described.exists() else {}
     if document and ("sigma" in document["columns"]) != (angle.sigma is not None):
@@ -224,24 +219,17 @@ _SHOWN = 8.0  # [s] of torque
 _CROWD = 4000  # points
 
 
-def alignment_pictures(aligned: Aligned) -> dict[str, bytes]:
-    """PNGs of an aligned recording by the endings of their names."""
-    pictures = {"clock": clock_picture(aligned), "command": command_picture(aligned)}
-    return {kind: picture for kind, picture in pictures.items() if picture is not None}
-
-
-def clock_picture(aligned: Aligned) -> bytes:
-    """PNG: what every offset explains, and the torque that motion and friction ask for."""
-    with drawing():
-        coarse = aligned.alignment.coarse
-        count = 1 if coarse is None else 2
-        picture = figure(2.4 * count)
-        axes = picture.subplots(count, 1, squeeze=False)[:, 0]
-        if coarse is not None:
-            _correlation(axes[0], coarse, aligned.alignment.clock.offset)
-        _torques(axes[-1], aligned)
-        key_above(picture, _key(axes[-1]))
-        return rendered(picture, ("png",))["png"]
+def clock_picture(aligned: Aligned) -> Any:
+    """What every offset explains, and the torque that motion and friction ask for."""
+    coarse = aligned.alignment.coarse
+    count = 1 if coarse is None else 2
+    picture = figure(2.4 * count)
+    axes = picture.subplots(count, 1, squeeze=False)[:, 0]
+    if coarse is not None:
+        _correlation(axes[0], coarse, aligned.alignment.clock.offset)
+    _torques(axes[-1], aligned)
+    key_above(picture, _key(axes[-1]))
+    return picture
 
 
 def _key(ax: Any) -> dict[str, Any]:
@@ -309,23 +297,20 @@ def _liveliest(time: Array, torque: Array) -> tuple[float, float]:
     return float(time[k]), float(time[min(k + width, len(time) - 1)])
 
 
-def command_picture(aligned: Aligned) -> bytes | None:
-    """PNG: measured against commanded torque of each motor, and both over time."""
+def command_picture(aligned: Aligned, logged: Signal) -> Any:
+    """Measured against commanded torque of each motor, and both over time."""
     drives = [(k, r) for k, r in enumerate(aligned.responses) if r is not None]
-    if not drives or aligned.command is None:
-        return None
     driven = np.flatnonzero(aligned.mechanism.driven)
-    with drawing():
-        picture = figure(2.6 * len(drives), WIDTH)
-        axes = picture.subplots(len(drives), 2, squeeze=False, width_ratios=(1, 1.6))
-        for row, (k, r) in zip(axes, drives, strict=True):
-            time, measured = aligned.torque.time, aligned.torque.value[:, driven[k]]
-            command = np.interp(time, aligned.command.time, aligned.command.value[:, k])
-            late = np.interp(time - r.delay, aligned.command.time, aligned.command.value[:, k])
-            _scatter(row[0], late, measured, r, aligned)
-            _over_time(row[1], time, command, measured, aligned)
-        key_above(picture, _key(axes[0, 1]))
-        return rendered(picture, ("png",))["png"]
+    picture = figure(2.6 * len(drives))
+    axes = picture.subplots(len(drives), 2, squeeze=False, width_ratios=(1, 1.6))
+    for row, (k, r) in zip(axes, drives, strict=True):
+        time, measured = aligned.torque.time, aligned.torque.value[:, driven[k]]
+        command = np.interp(time, logged.time, logged.value[:, k])
+        late = np.interp(time - r.delay, logged.time, logged.value[:, k])
+        _scatter(row[0], late, measured, r, aligned)
+        _over_time(row[1], time, command, measured, aligned)
+    key_above(picture, _key(axes[0, 1]))
+    return picture
 
 
 def _scatter(ax: Any, command: Array, measured: Array, r: DriveResponse, aligned: Aligned) -> None:

@@ -99,7 +99,7 @@ class Shot:
 def shots(film: Film, motion: TrueMotion) -> Iterator[Shot]:
     """Frames of a motion; the same for the same settings."""
     rng = np.random.default_rng([film.seed, 7])
-    scene = Scene(film.look, film.view.size, film.view.pivot, film.seed, film.sync_led)
+    scene = Scene(film.look, film.view, film.seed, film.sync_led)
     angle = CubicHermiteSpline(motion.angle.time, motion.angle.value, motion.velocity.value)
     bank = _noise(film, rng)
     occluder = _Occluder(film, rng)
@@ -125,8 +125,8 @@ def video_path(film: Film, stem: Path) -> Path:
     return stem.with_name(stem.name + (".mp4" if film.codec == "mpeg4" else ".mov"))
 
 
-def write_film(film: Film, motion: TrueMotion, stem: Path) -> tuple[Path, Array, Array]:
-    """Path of the video, times (K,) of its frames, and which markers (K, n + 1) are occluded.
+def write_film(film: Film, motion: TrueMotion, stem: Path) -> Path:
+    """Write the video of a motion; its path.
 
     Raises
     ------
@@ -138,18 +138,16 @@ def write_film(film: Film, motion: TrueMotion, stem: Path) -> tuple[Path, Array,
     form = VideoFormat("mp4v", film.rate, film.view.size)
     if jpeg:
         form = VideoFormat("jpeg", CLOCK, film.view.size, (cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1))
-    times, hidden, path = [], [], video_path(film, stem)
+    start, path = motion.angle.time[0], video_path(film, stem)
     with video_file(path, form) as writer:
         for shot in shots(film, motion):
-            times.append(shot.time)
-            hidden.append(shot.hidden)
             if jpeg:
-                writer.set(cv2.VIDEOWRITER_PROP_PTS, float(round((shot.time - times[0]) * CLOCK)))
+                writer.set(cv2.VIDEOWRITER_PROP_PTS, float(round((shot.time - start) * CLOCK)))
                 writer.set(cv2.VIDEOWRITER_PROP_KEY_FLAG, 1.0)
                 writer.write(cv2.imencode(".jpg", shot.image, quality)[1])
             else:
                 writer.write(shot.image)
-    return path, np.array(times), np.array(hidden)
+    return path
 
 
 def _times(film: Film, motion: TrueMotion, rng: np.random.Generator) -> Array:

@@ -89,22 +89,71 @@ class SyncLed:
         return min(max((after - before) / (stop - start), 0.0), 1.0)
 
 
+Pixels = Annotated[int, Field(ge=1, le=8192)]  # a picture of 8192 x 8192 takes 0.2 GB
+_FAR = 10.0  # sizes of the picture
+
+
+@validated
+class View:
+    """A pinhole camera with radial distortion that looks at a plane.
+
+    Attributes
+    ----------
+    size : pixels to the right and downwards
+    pivot : pixel at which an untilted camera without distortion sees the fixed joint
+    scale : pixels per metre at the pivot's distance
+    distance : of the camera from the plane [m]
+    tilt : rotation vector [deg] of the plane about the picture's horizontal and vertical axis
+    distortion : share by which points at the corners of the picture move outwards
+    """
+
+    size: tuple[Pixels, Pixels] = (1280, 720)
+    pivot: tuple[float, float] = (640.0, 360.0)
+    scale: Positive = 900.0
+    distance: Positive = 2.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+    distortion: float = 0.0
+
+    def __post_init__(self) -> None:
+        for at, size in zip(self.pivot, self.size, strict=True):
+            if abs(at) > _FAR * size:
+                raise InputError(
+                    f"pivot = {list(self.pivot)} is far outside of a picture of {list(self.size)} "
+                    "pixels: it is the pixel of the fixed joint"
+                )
+
+    def pixels(self, points: Array) -> Array:
+        """Pixels (..., 2), x to the right and y downwards, of points (..., 2) [m] from the pivot.
+
+        The points count to the right and downwards, too.
+
+        >>> View().pixels(np.array([[0.1, 0.0]]))
+        array([[730., 360.]])
+        """
+        size, pivot = np.array(self.size, float), np.array(self.pivot)
+        middle = (size - 1) / 2
+        flat = np.asarray(points, float) + (pivot - middle) / self.scale
+        X = flat @ _turned(*np.radians(self.tilt)).T  # (..., 3)
+        seen = X[..., :2] / (1.0 + X[..., 2:] / self.distance) * self.scale
+        corner = np.linalg.norm(middle)
+        out = 1.0 + self.distortion * (seen**2).sum(-1, keepdims=True) / corner**2
+        return middle + seen * out
+
+
+def _turned(about_x: float, about_y: float) -> Array:
+    """The first two columns (3, 2) of the rotation by a vector in the picture's plane."""
+    return Rotation.from_rotvec([about_x, about_y, 0.0]).as_matrix()[:, :2]
+
+
 class Scene:
     """Pictures of a chain of markers, without noise."""
 
-    def __init__(
-        self,
-        look: Look,
-        size: tuple[int, int],
-        pivot: tuple[float, float],
-        seed: int,
-        led: SyncLed | None = None,
-    ):
-        self.look, self.size, self.led = look, size, led
-        width, height = size
+    def __init__(self, look: Look, view: View, seed: int, led: SyncLed | None = None):
+        self.look, self.size, self.led = look, view.size, led
+        width, height = view.size
         across = np.linspace(0, 1, width)[None, :] + np.linspace(0, 1, height)[:, None]
         self.light = (1.0 - look.gradient * across / 2).astype(np.float32)[..., None]
-        self.backdrop = self._lit(_backdrop(look, size, pivot, np.random.default_rng(seed)))
+        self.backdrop = self._lit(_backdrop(look, view, np.random.default_rng(seed)))
 
     def picture(self, exposed: Array, lit: float = 0.0) -> Image:
         """Image of markers whose pixels (S, n + 1, 2) are spread over the exposure.
@@ -178,10 +227,8 @@ def colour(hue: float, saturation: float, value: float) -> tuple[float, float, f
     return b, g, r
 
 
-def _backdrop(
-    look: Look, size: tuple[int, int], pivot: tuple[float, float], rng: np.random.Generator
-) -> Array:
-    width, height = size
+def _backdrop(look: Look, view: View, rng: np.random.Generator) -> Array:
+    (width, height), pivot = view.size, view.pivot
     image = np.full((height, width, 3), colour(*look.wall), dtype=np.float32)
     if look.background == "plate":
         half = 0.36 * height
@@ -197,62 +244,6 @@ def _backdrop(
             ends = (at - extent / 2).astype(int).tolist(), (at + extent / 2).astype(int).tolist()
             cv2.rectangle(image, *ends, colour(*hsv), -1, cv2.LINE_AA)
     return cv2.GaussianBlur(image, (0, 0), 1.0)
-
-
-Pixels = Annotated[int, Field(ge=1, le=8192)]  # a picture of 8192 x 8192 takes 0.2 GB
-_FAR = 10.0  # sizes of the picture
-
-
-@validated
-class View:
-    """A pinhole camera with radial distortion that looks at a plane.
-
-    Attributes
-    ----------
-    size : pixels to the right and downwards
-    pivot : pixel at which an untilted camera without distortion sees the fixed joint
-    scale : pixels per metre at the pivot's distance
-    distance : of the camera from the plane [m]
-    tilt : rotation vector [deg] of the plane about the picture's horizontal and vertical axis
-    distortion : share by which points at the corners of the picture move outwards
-    """
-
-    size: tuple[Pixels, Pixels] = (1280, 720)
-    pivot: tuple[float, float] = (640.0, 360.0)
-    scale: Positive = 900.0
-    distance: Positive = 2.0
-    tilt: tuple[float, float] = (0.0, 0.0)
-    distortion: float = 0.0
-
-    def __post_init__(self) -> None:
-        for at, size in zip(self.pivot, self.size, strict=True):
-            if abs(at) > _FAR * size:
-                raise InputError(
-                    f"pivot = {list(self.pivot)} is far outside of a picture of {list(self.size)} "
-                    "pixels: it is the pixel of the fixed joint"
-                )
-
-    def pixels(self, points: Array) -> Array:
-        """Pixels (..., 2), x to the right and y downwards, of points (..., 2) [m] from the pivot.
-
-        The points count to the right and downwards, too.
-
-        >>> View().pixels(np.array([[0.1, 0.0]]))
-        array([[730., 360.]])
-        """
-        size, pivot = np.array(self.size, float), np.array(self.pivot)
-        middle = (size - 1) / 2
-        flat = np.asarray(points, float) + (pivot - middle) / self.scale
-        X = flat @ _turned(*np.radians(self.tilt)).T  # (..., 3)
-        seen = X[..., :2] / (1.0 + X[..., 2:] / self.distance) * self.scale
-        corner = np.linalg.norm(middle)
-        out = 1.0 + self.distortion * (seen**2).sum(-1, keepdims=True) / corner**2
-        return middle + seen * out
-
-
-def _turned(about_x: float, about_y: float) -> Array:
-    """The first two columns (3, 2) of the rotation by a vector in the picture's plane."""
-    return Rotation.from_rotvec([about_x, about_y, 0.0]).as_matrix()[:, :2]
 
 
 def chain(angles: Array, lengths: Array) -> Array:

@@ -1,19 +1,23 @@
-"""Joint angles from a video: decode ahead, follow the markers, measure a sync LED, calibrate."""
+"""frictionid.track, joint angles from a video: decode ahead, follow, measure an LED, calibrate."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
-from typing import Literal
+from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.config import nearest
 from frictionid.errors import InputError, needs
+from frictionid.outputs import check_outputs
 
 from .angles import Angles, angles_of
 from .follow import Markers, follow, gather, unwrapped_direction
-from .marker_setup import Marker, MarkerSetup, SyncLed
-from .source import Frame, Image, Source
+from .marker_setup import Marker, MarkerSetup, SyncLed, load_marker_setup
+from .source import Frame, Image, Source, open_source
+from .tracked import Tracked
 
 with needs("camera"):
     import cv2
@@ -68,28 +72,59 @@ _BATCH = 8  # frames decoded at a time: to wake a thread takes as long as to fin
 
 
 def track(
-    source: Source,
-    setup: MarkerSetup,
+    video: str | Path | Source,
+    rig: str | Path | MarkerSetup = "rig.toml",
+    *,
     method: Method = "follow",
-    progress: Callable[[Markers], None] | None = None,
-) -> Angles:
-    """Joint angles of all frames of a video, with standard deviations and what was not found.
+    out: str | Path | None = None,
+    replace: bool = False,
+    done: Callable[[Markers], None] = lambda _: None,
+) -> Tracked:
+    """Track coloured dots in a video: joint angles with their standard deviations.
 
     Parameters
     ----------
-    source : Source
-    setup : MarkerSetup
-    method : "follow" or "study"
-        "study" finds dots by thresholds in the whole picture, without calibration, for comparison.
-    progress : callable
-        Called with the markers of each frame. An interrupt ends a live camera; the frames until
-        then are used.
+    video : path, folder of pictures, number of a camera, or an opened Source
+        An interrupt ends a live camera; the frames until then are used.
+    rig : path of settings with markers, links and camera, or a MarkerSetup
+    method : "follow", or "study", thresholds in the whole picture, without calibration
+    out : path, optional
+        Table of angles to write.
+    replace : bool
+        Whether it may replace a file.
+    done : function, optional
+        Called with what was found in each picture.
 
     Raises
     ------
     InputError
-        Where the video is damaged, dots are not in it, or places lie outside the picture.
+        Where there is no video, or dots are hardly ever found.
+
+    Examples
+    --------
+    Angles of a film, as a data set without torque::
+
+        film = frictionid.track("swing.mp4", "rig.toml").frame.dropna(subset=["q1"])
+        data = frictionid.Dataset.from_frames(film, frictionid.mechanisms.pendulum(
+            mass=0.4, length=0.25), time="time", angle="q1")
     """
+    if method not in get_args(Method):
+        raise InputError(f"method = {method!r} is unknown; {nearest(method, get_args(Method))}")
+    if out is not None:
+        inputs = [Path(path) for path in (video, rig) if isinstance(path, str | Path)]
+        check_outputs([Path(out)], inputs, replace=replace)
+    setup = rig if isinstance(rig, MarkerSetup) else load_marker_setup(Path(rig))
+    source = video if isinstance(video, Source) else open_source(str(video), setup.camera.rate)
+    tracked = Tracked(_angles(source, setup, method, done), source)
+    if out is not None:
+        tracked.save(out)
+    return tracked
+
+
+def _angles(
+    source: Source, setup: MarkerSetup, method: Method, done: Callable[[Markers], None]
+) -> Angles:
+    """Angles of all frames, with the brightness of a sync LED."""
     _check_places(source, setup)
     brightness: list[float] = []
     frames = _frames(source)
@@ -101,7 +136,7 @@ def track(
         markers = follow_by_thresholds(setup, frames)
     else:
         markers = follow(setup, frames)
-    steps = _collected(markers, progress, live=source.kind == "live")
+    steps = _collected(markers, done, live=source.kind == "live")
     if not steps:
         raise InputError(f"{source.name} has no frames; name another video")
     angles = angles_of(gather(steps), setup, source.size, source.name)
@@ -112,15 +147,14 @@ def track(
 
 
 def _collected(
-    markers: Iterator[Markers], progress: Callable[[Markers], None] | None, *, live: bool
+    markers: Iterator[Markers], done: Callable[[Markers], None], *, live: bool
 ) -> list[Markers]:
     """Markers of all frames; an interrupt ends those of a live camera."""
     steps: list[Markers] = []
     try:
         for step in markers:
             steps.append(step)
-            if progress is not None:
-                progress(step)
+            done(step)
     except KeyboardInterrupt:
         if not live:
             raise

@@ -1,25 +1,18 @@
-"""frictionid.track: joint angles from a video of coloured dots, and pictures of what was found."""
+"""Joint angles of a video of coloured dots, and pictures of what was found."""
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from frictionid.config import nearest
-from frictionid.errors import InputError, needs
+from frictionid.errors import needs
 from frictionid.files import write_bytes, write_text
-from frictionid.outputs import check_outputs
 
 from .angles import FOUND, LOST, PREDICTED, Angles, angles_csv
-from .follow import Markers
-from .marker_setup import MarkerSetup, load_marker_setup
-from .source import Frame, Image, Source, VideoFormat, open_source, video_file
-from .track import Method
-from .track import track as track_frames
+from .source import Image, Source, VideoFormat, video_file
 
 with needs("camera"):
     import cv2
@@ -81,61 +74,32 @@ class Tracked:
 
     def save_sheet(self, path: str | Path) -> None:
         """Write a contact sheet (PNG): some pictures with markers and angles drawn over them."""
-        picture = contact_sheet(self.source.frames(), self.angles, self.source.size)
-        write_bytes(Path(path), cv2.imencode(".png", picture)[1].tobytes())
+        write_bytes(Path(path), cv2.imencode(".png", self.sheet())[1].tobytes())
 
     def save_overlay(self, path: str | Path) -> None:
-        """Write the video with markers and angles drawn over it (MP4)."""
-        write_overlay(self.source, self.angles, Path(path))
+        """Write the video with markers, angles and states drawn over it (MP4).
 
+        Raises
+        ------
+        InputError
+            Where it cannot be written.
+        """
+        source = self.source
+        form = VideoFormat("mp4v", source.rate if source.rate > 0 else 30.0, source.size)
+        with video_file(Path(path), form) as writer:
+            for k, frame in enumerate(source.frames()):
+                writer.write(draw_frame(frame.image, self.angles, k))
 
-def track(
-    video: str | Path | Source,
-    rig: str | Path | MarkerSetup = "rig.toml",
-    *,
-    method: Method = "follow",
-    out: str | Path | None = None,
-    replace: bool = False,
-    done: Callable[[Markers], None] | None = None,
-) -> Tracked:
-    """Track coloured dots in a video: joint angles with their standard deviations.
-
-    Parameters
-    ----------
-    video : path, folder of pictures, number of a camera, or an opened Source
-    rig : path of settings with markers, links and camera, or a MarkerSetup
-    method : "follow", or "study", thresholds in the whole picture
-    out : path, optional
-        Table of angles to write.
-    replace : bool
-        Whether it may replace a file.
-    done : function, optional
-        Called with what was found in each picture.
-
-    Raises
-    ------
-    InputError
-        Where there is no video, or dots are hardly ever found.
-
-    Examples
-    --------
-    Angles of a film, as a data set without torque::
-
-        film = frictionid.track("swing.mp4", "rig.toml").frame.dropna(subset=["q1"])
-        data = frictionid.Dataset.from_frames(film, frictionid.mechanisms.pendulum(
-            mass=0.4, length=0.25), time="time", angle="q1")
-    """
-    if method not in get_args(Method):
-        raise InputError(f"method = {method!r} is unknown; {nearest(method, get_args(Method))}")
-    if out is not None:
-        inputs = [Path(path) for path in (video, rig) if isinstance(path, str | Path)]
-        check_outputs([Path(out)], inputs, replace=replace)
-    markers = rig if isinstance(rig, MarkerSetup) else load_marker_setup(Path(rig))
-    source = video if isinstance(video, Source) else open_source(str(video), markers.camera.rate)
-    tracked = Tracked(track_frames(source, markers, method, done), source)
-    if out is not None:
-        tracked.save(out)
-    return tracked
+    def sheet(self) -> Image:
+        """Frames side by side: half of them evenly spaced, half in which a marker is missing."""
+        angles = self.angles
+        chosen, window = set(_chosen(angles)), _window(angles, self.source.size)
+        frames = enumerate(self.source.frames())
+        tiles = [draw_frame(frame.image, angles, k, window) for k, frame in frames if k in chosen]
+        blank = np.full_like(tiles[0], 255)
+        tiles += [blank] * (-len(tiles) % _ACROSS)
+        rows = [np.hstack(tiles[i : i + _ACROSS]) for i in range(0, len(tiles), _ACROSS)]
+        return np.asarray(np.vstack(rows), dtype=np.uint8)
 
 
 _COLOURS = {FOUND: (90, 255, 90), PREDICTED: (60, 190, 255), LOST: (90, 90, 255)}
@@ -152,7 +116,7 @@ def draw_frame(
     places = angles.markers[k]
     for a, b in zip(places[:-1], places[1:], strict=True):
         if np.isfinite([a, b]).all():
-            _line(out, a, b)
+            _line(out, a, b, (255, 255, 255))
     for place in places[np.isfinite(places).all(axis=-1)]:
         _cross(out, place, _COLOURS[FOUND])
     degrees = [f"{np.degrees(q):.1f} deg" if np.isfinite(q) else "?" for q in angles.q[k]]
@@ -166,33 +130,6 @@ def draw_frame(
     out[: int(44 * size)] = out[: int(44 * size)] // 4
     cv2.putText(out, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, _COLOURS[state], 1, cv2.LINE_AA)
     return np.asarray(out, dtype=np.uint8)
-
-
-def write_overlay(source: Source, angles: Angles, path: Path) -> None:
-    """Write the video with markers, angles and states drawn over it.
-
-    Raises
-    ------
-    InputError
-        Where it cannot be written.
-    """
-    rate = source.rate if source.rate > 0 else 30.0
-    form = VideoFormat("mp4v", rate, source.size)
-    with video_file(path, form) as writer:
-        for k, frame in enumerate(source.frames()):
-            writer.write(draw_frame(frame.image, angles, k))
-
-
-def contact_sheet(frames: Iterable[Frame], angles: Angles, size: tuple[int, int]) -> Image:
-    """Frames side by side: half of them evenly spaced, half in which a marker is missing."""
-    chosen, window = set(_chosen(angles)), _window(angles, size)
-    tiles = [
-        draw_frame(frame.image, angles, k, window) for k, frame in enumerate(frames) if k in chosen
-    ]
-    blank = np.full_like(tiles[0], 255)
-    tiles += [blank] * (-len(tiles) % _ACROSS)
-    rows = [np.hstack(tiles[i : i + _ACROSS]) for i in range(0, len(tiles), _ACROSS)]
-    return np.asarray(np.vstack(rows), dtype=np.uint8)
 
 
 def _window(angles: Angles, size: tuple[int, int]) -> tuple[int, int, int, int]:
@@ -212,9 +149,7 @@ def _chosen(angles: Angles) -> list[int]:
     return sorted({*shown, *even})
 
 
-def _line(
-    image: Image, a: np.ndarray, b: np.ndarray, colour: tuple[int, int, int] = (255, 255, 255)
-) -> None:
+def _line(image: Image, a: np.ndarray, b: np.ndarray, colour: tuple[int, int, int]) -> None:
     ends = [tuple(int(v) for v in np.round(p * 16)) for p in (a, b)]
     cv2.line(image, ends[0], ends[1], colour, 1, cv2.LINE_AA, 4)
 
