@@ -26,8 +26,13 @@ def acrobot():
     return load_dataset(ROOT / "data" / "acrobot_clean")
 
 
-def recordings(dataset, count):
-    return replace(dataset, recordings=dataset.recordings[:count])
+@pytest.fixture(scope="module")
+def ten_folds(acrobot):
+    """Ten recordings, their one-step problem, and the weights of its rows in ten folds."""
+    some = replace(acrobot, recordings=acrobot.recordings[:10])
+    problem = training_problem(some, plant_of(some), INTEGRAL)
+    folds = make_folds(some.recordings, Split(count=10))
+    return some, problem, folds.training(problem.recording, problem.time)
 
 
 class Counted:
@@ -46,11 +51,8 @@ class Counted:
         return call
 
 
-def test_fits_of_ten_folds_never_evaluate_the_physics(acrobot, monkeypatch):
-    some = recordings(acrobot, 10)
-    problem = training_problem(some, plant_of(some), INTEGRAL)
-    folds = make_folds(some.recordings, Split(count=10))
-    weights = folds.training(problem.recording, problem.time)
+def test_fits_of_ten_folds_never_evaluate_the_physics(ten_folds, monkeypatch):
+    some, problem, weights = ten_folds
     counted = Counted(monkeypatch)
     training_problem(some, plant_of(some), INTEGRAL)
     built, counted.calls = counted.calls, 0
@@ -72,11 +74,8 @@ def test_a_thousand_rollouts_call_the_physics_as_often_as_one(acrobot, monkeypat
     assert calls[0] == calls[1] > 20
 
 
-def test_ten_folds_evaluate_a_law_as_often_as_the_slowest_of_them(acrobot, monkeypatch):
-    some = recordings(acrobot, 10)
-    problem = training_problem(some, plant_of(some), INTEGRAL)
-    folds = make_folds(some.recordings, Split(count=10))
-    weights = folds.training(problem.recording, problem.time)
+def test_ten_folds_evaluate_a_law_as_often_as_the_slowest_of_them(ten_folds, monkeypatch):
+    _, problem, weights = ten_folds
     counts, own = [], Stribeck.torque
 
     def counting(law, *arguments):

@@ -10,8 +10,15 @@ import pytest
 from fixtures.forked import contents
 from fixtures.refusals import assert_refused
 
+from frictionid.errors import InputError
 from frictionid.files import read_json, remove_unfinished, write_bytes, write_text, written_beside
 from frictionid.outputs import SUMS, check_outputs, check_writable, replace_files
+
+
+def files_of(folder):
+    """Content of the files of a result folder, without the list of them."""
+    return contents(folder, SUMS)
+
 
 # --- Files ----------------------------------------------------------------------------------------
 
@@ -77,35 +84,29 @@ def test_names_as_long_as_the_disk_takes_them_are_written(tmp_path):
     assert read_json(tmp_path / name) == {}
 
 
-def test_a_failure_leaves_what_was_there(tmp_path):
-    write_bytes(tmp_path / "a.mp4", b"old")
-
-    def write(error):
-        with written_beside(tmp_path / "a.mp4") as beside:
-            assert beside.suffix == ".mp4"
-            beside.write_bytes(b"half")
-            raise error
-
-    with pytest.raises(KeyboardInterrupt):
-        write(KeyboardInterrupt())
-    with assert_refused("No space left"):
-        write(OSError(28, "No space left on device"))
-    assert contents(tmp_path) == {"a.mp4": b"old"}
-
-
-def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
-    path = tmp_path / "new" / "file.json"
-    write_text(path, "first")
-    assert path.read_text() == "first" and path.stat().st_mode & 0o777 == 0o644
+@pytest.mark.parametrize(
+    ("error", "refused", "words"),
+    [
+        (KeyboardInterrupt(), KeyboardInterrupt, "^$"),
+        (OSError(28, "No space left"), InputError, r"cannot be written \(No space left\)"),
+    ],
+)
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch, error, refused, words):
+    """Whether writing fails, or the move of what was written."""
+    path = tmp_path / "new" / "a.mp4"
+    write_bytes(path, b"old")
 
     def fail(*_):
-        raise OSError(28, "No space left on device")
+        raise error
 
+    with pytest.raises(refused, match=words), written_beside(path) as beside:
+        assert beside.suffix == ".mp4"
+        beside.write_bytes(b"half")
+        fail()
     monkeypatch.setattr(os, "replace", fail)
-    with assert_refused(r"cannot be written \(No space left on device\)"):
+    with pytest.raises(refused, match=words):
         write_text(path, "second")
-    assert [p.name for p in path.parent.iterdir()] == ["file.json"]
-    assert path.read_text() == "first"
+    assert contents(tmp_path) == {"new/a.mp4": b"old"}
 
 
 def test_only_our_own_unfinished_files_are_removed(tmp_path):
@@ -125,8 +126,7 @@ def test_own_files_are_made_anew_and_stale_ones_go(tmp_path):
     replace_files(tmp_path, {"a.md": b"2", "d.md": b"2"})
     sums = contents(tmp_path).pop(SUMS).decode().splitlines()
     assert [line.split("  ")[1] for line in sums] == ["a.md", "d.md"]
-    files = {name: text for name, text in contents(tmp_path).items() if name != SUMS}
-    assert files == {"a.md": b"2", "d.md": b"2", "tables/mine.csv": b"mine"}
+    assert files_of(tmp_path) == {"a.md": b"2", "d.md": b"2", "tables/mine.csv": b"mine"}
     assert not (tmp_path / "old").exists()
 
 
@@ -142,10 +142,7 @@ def test_files_that_a_user_changed_or_brought_stay(tmp_path):
     replace_files(tmp_path, {"b.md": b"2"})  # a.md is no longer written: it is the user's
     assert contents(tmp_path)["a.md"] == b"mine"
     replace_files(tmp_path, {"a.md": b"3", "c.md": b"3"}, replace=True)
-    assert {n: t for n, t in contents(tmp_path).items() if n != SUMS} == {
-        "a.md": b"3",
-        "c.md": b"3",
-    }
+    assert files_of(tmp_path) == {"a.md": b"3", "c.md": b"3"}
 
 
 def test_no_link_is_followed(tmp_path):
@@ -193,8 +190,7 @@ def test_wherever_it_is_killed_the_files_are_known_as_ours(tmp_path, monkeypatch
         patch.setattr(os, "replace", killed)
         replace_files(tmp_path, {"a.md": b"2", "b.md": b"2"})
     replace_files(tmp_path, {"a.md": b"2", "b.md": b"2"})
-    files = {name: text for name, text in contents(tmp_path).items() if name != SUMS}
-    assert files == {"a.md": b"2", "b.md": b"2"}
+    assert files_of(tmp_path) == {"a.md": b"2", "b.md": b"2"}
 
 
 def test_a_full_disk_leaves_the_earlier_files(tmp_path):
@@ -212,11 +208,6 @@ except InputError as error:
     print(error)
 """
     ran = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True)
-    assert (ran.returncode, ran.stderr) == (
-        0,
-        "",
-    ) and "cannot be written (File too large)" in ran.stdout
-    assert {n: t for n, t in contents(tmp_path).items() if n != SUMS} == {
-        "a.md": b"1",
-        "b.md": b"1",
-    }
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert "cannot be written (File too large)" in ran.stdout
+    assert files_of(tmp_path) == {"a.md": b"1", "b.md": b"1"}

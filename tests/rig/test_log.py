@@ -146,16 +146,6 @@ def test_all_clock_runs_a_log_are_unified_that_only_goes_on():
     assert set(rows.columns["torque"]) >= {0.0, 1.0, 2.0, 4.0, 5.0}
 
 
-def test_a_log_is_never_overwritten(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text("mine")
-    with assert_refused("exists and is not overwritten"):
-        Appender(path, "host,time")
-    with assert_refused("has other columns"):
-        Appender(path, "host,time", append=True)
-    assert path.read_text() == "mine"
-
-
 def test_a_full_disk_is_reported_with_the_rows_that_are_safe():
     with assert_refused(r"No space left.*0 rows before are safe"):
         Appender(Path("/dev/full"), "host,time", append=True)
@@ -215,19 +205,14 @@ def test_a_restart_of_the_controller_is_counted(opened, protocol):
 
 
 @pytest.mark.parametrize(
-    ("changes", "content", "said"),
-    [
-        ({}, b"\x00\xfe\x9c" * 3000, "nothing but garbage"),
-        ({"checksum": "none", "mark": ""}, b"1,2,3,4\n" * 30, "number of values is another"),
-        ({}, b"1,2,3\n" * 30, "do not follow the protocol"),
-    ],
+    ("content", "said"),
+    [(b"\x00\xfe\x9c" * 3000, "nothing but garbage"), (b"1,2,3\n" * 30, "do not follow the")],
 )
-def test_unreadable_lines_are_reported_and_end_the_log(changes, content, said, opened, protocol):
-    log, _ = opened(**changes)
+def test_unreadable_lines_are_reported_and_end_the_log(content, said, opened, protocol):
+    log, _ = opened()
     feed(protocol, content)
-    with assert_refused(said) as complaint:
+    with assert_refused(f"{protocol.link}: .*{said}"):
         until(lambda: log.pump(0.1))
-    assert str(protocol.link) in str(complaint.value)
 
 
 def test_garbage_behind_good_lines_does_not_end_the_log(opened, protocol, tmp_path):
