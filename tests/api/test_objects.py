@@ -209,13 +209,6 @@ def test_a_prediction_starts_at_the_moment_that_is_asked(shot, data):
     assert (one.q1 - one.measured_q1).abs().max() < 0.1
 
 
-def test_what_is_fitted_may_be_a_name_a_class_or_an_object(data):
-    laws = ["stribeck", fid.Stribeck, fid.Stribeck(), fid.LeastSquares(fid.Stribeck())]
-    thetas = [fid.fit(data, law, method="one_step").friction.theta for law in laws]
-    for theta in thetas[1:]:
-        np.testing.assert_array_equal(theta, thetas[0])
-
-
 def test_a_fit_without_parameters_shows_no_table(data):
     fit = fid.fit(data, "none", method="one_step")
     assert repr(fit).startswith("none, one-step fit to 'arm'")

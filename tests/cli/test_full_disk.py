@@ -24,25 +24,26 @@ def places(tmp_path_factory):
     return {target.folder.name: target.folder for target in made}
 
 
-CASES = {
-    "render": ("film", "render set --camera camera.toml --out out"),
-    "overlay": ("track", "track run.mov --out out/a.csv --overlay out/over.mp4"),
-    "align": ("align", "align angles.csv log.csv --out out"),
-    "check": ("film", "check set --out out"),
-    "report": ("result", "report . --replace"),
-    "compare": ("compared", "compare suite.toml --out out --jobs 1"),
-    "tune": ("compared", "tune suite.toml --out tuned --jobs 1"),
-}
+CASES = """
+film render set --camera camera.toml --out out
+track track run.mov --out out/a.csv --overlay out/over.mp4
+align align angles.csv log.csv --out out
+film check set --out out
+result report . --replace
+compared compare suite.toml --out out --jobs 1
+compared tune suite.toml --out tuned --jobs 1
+"""
 
 
-@pytest.mark.parametrize(("name", "line"), CASES.values(), ids=CASES)
+@pytest.mark.parametrize("case", CASES.strip().splitlines())
 def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(
-    places, tmp_path, monkeypatch, name, line
+    places, tmp_path, monkeypatch, case
 ):
     leave_blank(monkeypatch)
+    name, *words = case.split()
     folder = places.get(name, places["result"].parent / name)
     before, limits = contents(folder), [(resource.RLIMIT_FSIZE, ROOM)]
-    status, *_ = run_forked(folder, line.split(), tmp_path / "said", limits)
+    status, *_ = run_forked(folder, words, tmp_path / "said", limits)
     said = (tmp_path / "said").read_text()
     lines = [line for line in said.splitlines() if line.startswith("frictionid: ")]
     assert status == 2 and len(lines) == 1 and "Traceback" not in said, said

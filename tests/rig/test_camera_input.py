@@ -11,13 +11,14 @@ import pandas as pd
 import pytest
 from fixtures.mistakes import mistakes, rows
 from fixtures.refusals import assert_one_line, assert_refused
-from fixtures.simulated_films import LENGTHS, SMALL, Film, Look, errors, marker_setup_of, motion
+from fixtures.simulated_films import LENGTHS, SMALL, Film, errors, marker_setup_of, motion
 from fixtures.tiny_pendulums import changed, write_toml
 from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid import load_dataset
-from frictionid.rig.camera.film import shots, write_film
+from frictionid.rig.camera.film import load_film, shots, write_film
+from frictionid.rig.camera.scene import SyncLed
 from frictionid.rig.camera.source import Source, open_source
 
 FILM = Film(LENGTHS, view=SMALL)
@@ -175,14 +176,6 @@ def test_a_video_that_ends_early_is_refused(place, tmp_path, run):
     assert not (tmp_path / "a.csv").exists()
 
 
-def test_a_camera_toml_is_checked(tmp_path, run):
-    (tmp_path / "camera.toml").write_text("lengths = [0.1]\nnoize = 3.0\n")
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data" / "dataset.toml").touch()
-    words = "render data --camera camera.toml --out v"
-    assert_one_line(run(tmp_path, words), "did you mean 'noise'")
-
-
 class Live(Source):
     """A camera that somebody stops by Ctrl-C after some frames."""
 
@@ -227,22 +220,36 @@ def test_no_word_of_the_decoder_comes_beside_the_line(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: Film((-0.1, 0.1)), "lengths"),
-        (lambda: replace(SMALL, scale=0.0), "scale"),
-        (lambda: replace(SMALL, size=(0, 10)), "size"),
-        (lambda: replace(SMALL, pivot=(9e39, 100.0)), "pivot"),
-        (lambda: replace(SMALL, pivot=(100.0, -1e5)), "pivot"),
-        (lambda: Look(dots=((), (0.0, 0.85))), "look.dots"),
-        (lambda: Look(dots=((), (0.0, 8.5, 0.85))), "look.dots"),
-        (lambda: Look(radius=-3.0), "radius"),
-    ],
-)
-def test_a_camera_that_cannot_be_is_refused(make, said):
-    with assert_refused(said):
-        make()
+CAMERAS = r"""
+noize = 3.0                                 => did you mean 'noise'
+lengths = [-0.1, 0.1]                       => lengths
+view.scale = 0.0                            => scale
+view.size = [0, 10]                         => size
+view.pivot = [9e39, 100.0]                  => pivot
+view.pivot = [100.0, -1e5]                  => pivot
+look.dots = [[], [0.0, 0.85]]               => look.dots
+look.dots = [[], [0.0, 8.5, 0.85]]          => look.dots
+look.radius = -3.0                          => radius
+sync_led.at = [1300.0, 9.0]                 => outside the picture of 1280 x 720
+sync_led.switches = [2.0, 1.0]              => must increase
+sync_led.radius = 0.0                       => sync_led.radius: it should be greater than 0
+sync_led.switches =                         => switches
+sync_led.switchs = [1.0]                    => did you mean 'switches'
+"""
+CAMERA = "lengths = [0.1, 0.1]\nsync_led = {at = [9.0, 9.0], switches = [0.5, 2.0]}"
+
+
+def test_a_simulated_camera_is_read(tmp_path):
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    film = load_film(tmp_path / "camera.toml")
+    assert film == Film((0.1, 0.1), sync_led=SyncLed((9.0, 9.0), (0.5, 2.0)))
+
+
+@mistakes(CAMERAS)
+def test_a_camera_that_cannot_be_is_refused(tmp_path, wrong, words):
+    path = write_toml(tmp_path / "camera.toml", changed(tomllib.loads(CAMERA), wrong))
+    with assert_refused(f"camera.toml: .*{words}"):
+        load_film(path)
 
 
 def test_a_film_that_broke_off_is_none(tmp_path, monkeypatch):

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.driven_pendulum import TABLE, logged_pendulum, write_log
-from fixtures.mistakes import rows
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.simulated_films import (
     BLUE,
@@ -34,7 +33,7 @@ from frictionid.rig.align.clock import align
 from frictionid.rig.align.cross_correlation import coarse_offset
 from frictionid.rig.align.sync_edges import clock_from_edges, edges_of
 from frictionid.rig.camera.angles import angles_csv
-from frictionid.rig.camera.film import load_film, write_film
+from frictionid.rig.camera.film import write_film
 from frictionid.rig.camera.marker_setup import Links, load_marker_setup, marker_setup_text
 from frictionid.rig.camera.marker_setup import SyncLed as TrackedLed
 from frictionid.rig.camera.scene import SyncLed
@@ -256,26 +255,6 @@ def test_a_marker_setup_survives_its_file(tmp_path):
     setup = setup.model_copy(update={"sync_led": led, "links": links})
     (tmp_path / "rig.toml").write_text(marker_setup_text(setup, ["a note"]))
     assert load_marker_setup(tmp_path / "rig.toml") == setup
-
-
-LEDS = """
-at = [1300.0, 9.0]; switches = [1.0]            => outside the picture of 1280 x 720
-at = [9.0, 9.0]; switches = [2.0, 1.0]          => must increase
-at = [9.0, 9.0]; switches = [2.0]; radius = 0.0 => sync_led.radius: it should be greater than 0
-at = [9.0, 9.0]                                 => switches
-at = [9.0, 9.0]; switchs = [1.0]                => did you mean 'switches'
-"""
-
-
-def test_a_simulated_led_is_read_and_checked(tmp_path):
-    path = tmp_path / "camera.toml"
-    head = "lengths = [0.1, 0.1]\n[sync_led]\n"
-    path.write_text(head + "at = [9.0, 9.0]\nswitches = [0.5, 2.0]\nradius = 3.0\n")
-    assert load_film(path).sync_led == SyncLed((9.0, 9.0), (0.5, 2.0), 3.0)
-    for led, words in rows(LEDS):
-        path.write_text(head + led.replace("; ", "\n"))
-        with assert_refused(words):
-            load_film(path)
 
 
 # --- Pulses of torque ----------------------------------------------------------------------------
