@@ -206,26 +206,26 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         InputError
             For unknown kinds, and those that these models do not have.
         """
-        return drawn(lambda: self._pictures(kind, dataset)[0].figure)
-
-    def _pictures(self, kind: str, dataset: str | None) -> list[Picture]:
         names = [k for k in PLOTS if k.rstrip("s") == kind.rstrip("s")]
         if not names:
             raise InputError(f"plot: kind = {kind!r} is unknown; {nearest(kind, PLOTS)}")
-        pictures = list(self._drawn(names[0], self._section(dataset)))
-        if not pictures:
-            raise InputError(f"plot: these models have no picture of kind {kind!r}")
-        return pictures
+        section = self._section(dataset)
+        return drawn(lambda: self._picture(names[0], section).figure)
 
-    def _drawn(self, kind: str, section: Section) -> Iterator[Picture]:
+    def _picture(self, kind: str, section: Section) -> Picture:
+        """The first picture of a kind."""
         names = names_of(self._sections)
         if kind == "motion":
-            yield from motion_pictures(section, section.fitted, names)
+            pictures = motion_pictures(section, section.fitted, names)
         elif kind == "correlation":
             shot = [model for model in section.models if model in names.fits]
-            yield from (correlation_picture(section, model, names) for model in shot)
+            pictures = (correlation_picture(section, model, names) for model in shot)
         else:
-            yield from kind_pictures(section, names, kind)
+            pictures = kind_pictures(section, names, kind)
+        picture = next(iter(pictures), None)
+        if picture is None:
+            raise InputError(f"plot: these models have no picture of kind {kind!r}")
+        return picture
 
     @cached_property
     def _sections(self) -> tuple[Section, ...]:

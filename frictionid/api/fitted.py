@@ -19,7 +19,7 @@ from frictionid.fitting.fit import estimates_of
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.model_files import LAWS, save_model
-from frictionid.friction.provenance import Diagnostics, Estimate, Estimates
+from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.report import show_fit
 from frictionid.report.console import printed, printed_html, say
 from frictionid.report.estimates import estimate_frame
@@ -90,9 +90,9 @@ class Fit:
         return self.friction.calibration
 
     @property
-    def convergence(self) -> Diagnostics | None:
+    def convergence(self) -> Estimates | None:
         """How the fit went, where it was shot; see `frictionid.friction.provenance`."""
-        return self._refined
+        return self.friction.provenance.refined
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -118,7 +118,7 @@ class Fit:
     @property
     def covariance(self) -> pd.DataFrame | None:
         """Covariance of the free parameters by their names, of a fit by shooting, else None."""
-        refined = self._refined
+        refined = self.convergence
         if refined is None:
             return None
         names = [e.name for e in refined.parameters]
@@ -237,9 +237,9 @@ class Fit:
             joints, units = data.mechanism.joints, data.mechanism.position_units
             return drawn(partial(predicted_figure, table, joints, units))
         if kind == "correlation":
-            if self._refined is None:
+            if self.convergence is None:
                 raise InputError("plot: correlations are known of fits by shooting only")
-            return drawn(partial(fit_correlation, self._refined, self.joints))
+            return drawn(partial(fit_correlation, self.convergence, self.joints))
         if self.friction.mechanism:
             raise InputError("plot: a model without physics has no friction torque to draw")
         return drawn(partial(fit_figure, self.friction, self._data_of(run)))
@@ -287,11 +287,6 @@ class Fit:
         return fid.export(self, to, out, settings=settings, replace=replace)
 
     @property
-    def _refined(self) -> Estimates | None:
-        """What shooting or inverse dynamics estimated."""
-        return self.friction.provenance.refined
-
-    @property
     def _has_intervals(self) -> bool:
         """Whether intervals are known: not of given numbers."""
         source = self.friction.provenance
@@ -330,8 +325,8 @@ class Fit:
         """Velocities (V, n) of the fit's data, or of its bands."""
         if self.data is not None:
             return velocity_grid(speeds(self.data, EstimatedStates(self.data).by(INTEGRAL.states)))
-        if self._refined is not None and self._refined.bands is not None:
-            return np.asarray(self._refined.bands.velocity)
+        if self.convergence is not None and self.convergence.bands is not None:
+            return np.asarray(self.convergence.bands.velocity)
         raise InputError("the model is from a file and knows no speeds: name the velocities")
 
     def _data_of(self, run: Any) -> Dataset:

@@ -109,9 +109,11 @@ def predict(
     from frictionid.api.evaluate import predict as predicted
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.errors import needs
-    from frictionid.files import json_text, write_bytes
+    from frictionid.files import write_bytes
     from frictionid.friction.model_files import load_model
     from frictionid.outputs import check_outputs
+
+    from .progress import show
 
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     friction = load_model(model, [*map(_own_law, law or ())])
@@ -125,10 +127,8 @@ def predict(
     else:
         write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())
     starts = len(table[["recording", "start_s"]].drop_duplicates())
-    if json:
-        print(json_text({"predictions": starts, "lines": len(table), "written": [out]}), end="")
-        return
-    print(f"{starts} predictions, {len(table)} lines\nwritten to {out}")
+    counts = {"predictions": starts, "lines": len(table)}
+    show(f"{starts} predictions, {len(table)} lines", counts, [out], json=json)
 
 
 def _own_law(reference: str) -> Any:

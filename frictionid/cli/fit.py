@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +14,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from frictionid.api.fitted import Fit
     from frictionid.friction import Friction
@@ -80,45 +79,48 @@ def fit(
 
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
     check_outputs([*model_paths(out), figure], read, replace=replace)
-    chosen = identifier_of(identifier, settings(set_ or []))
-    options = _options(free, fixed, windows, equal)
-    options |= {"iterations": iterations, "consistent": consistent, "calibration": calibration}
+    law_settings = settings(set_ or [])
+    chosen = identifier_of(identifier, law_settings)
     if figure is not None:
         check_drawable(chosen)
     loaded = load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
-        common = partial(fit_data, loaded, chosen, method=by, recipe=recipe, seed=seed, bias=bias)
-        fitted = common(sample_time=sample_time, **options)
+        fitted = fit_data(
+            *(loaded, chosen),
+            method=by,
+            recipe=recipe,
+            free=free or None,
+            fixed=fixed or (),
+            windows=None if windows is None else numbers("--windows", windows, _WINDOWS),
+            iterations=iterations,
+            consistent=consistent,
+            calibration=calibration,
+            equal=[[name.strip() for name in group.split(",")] for group in equal or []],
+            sample_time=sample_time,
+            seed=seed,
+            bias=bias,
+        )
     fitted.save(out)
     if figure is not None:
         write_bytes(figure, png(lambda: fit_figure(fitted.friction, loaded)))
+    _show(fitted, law_settings, out, figure, json)
+
+
+def _show(
+    fitted: Fit, chosen: Mapping[str, Any], out: Path, figure: Path | None, json: bool
+) -> None:
+    """Print a fit, and where it was written; or the model file."""
     if json:
-        return print(out.read_text(encoding="utf-8"), end="")
-    _show(fitted, settings(set_ or []), filter(None, (out, figure)))
-
-
-def _show(fitted: Fit, chosen: Mapping[str, Any], written: Iterable[Path]) -> None:
-    """Print a fit, and where it was written."""
+        print(out.read_text(encoding="utf-8"), end="")
+        return
     fitted.show()
     if "width" in chosen:
         _say_if_numerical(fitted.friction)
-    for path in written:
+    for path in filter(None, (out, figure)):
         print(f"written to {path}")
 
 
 _WINDOWS = "be lengths in seconds, e.g. --windows 0.1,0.3"
-
-
-def _options(
-    free: str, fixed: list[str] | None, windows: str | None, equal: list[str] | None
-) -> dict[str, Any]:
-    """Lists that stand in the options as text."""
-    return {
-        "free": free or None,
-        "fixed": fixed or (),
-        "windows": None if windows is None else numbers("--windows", windows, _WINDOWS),
-        "equal": [[name.strip() for name in group.split(",")] for group in equal or []],
-    }
 
 
 def _say_if_numerical(friction: Friction) -> None:
