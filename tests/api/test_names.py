@@ -21,6 +21,10 @@ def loaded(code):
     return set(run.stdout.split())
 
 
+def test_the_import_loads_nothing_heavy():
+    assert loaded("import frictionid; dir(frictionid); frictionid.__version__") == set()
+
+
 def test_data_and_fits_load_no_networks_and_no_pictures():
     some = loaded("import frictionid as fid; fid.Dataset; fid.Signal")
     assert not some & {"torch", "matplotlib", "sklearn", "pandas"}
