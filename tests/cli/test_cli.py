@@ -14,7 +14,6 @@ import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line
-from fixtures.result_folders import leave_blank
 from fixtures.tiny_pendulums import FEW, RATE, TRUTH, compare_into, write_dataset, write_suite
 
 from frictionid.comparison.result_folder import lock
@@ -159,23 +158,6 @@ def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call)
     table = pd.read_csv(place / "scores.csv")
     own, built_in = (table[table["identifier"] == name].value for name in ("own", "built_in"))
     np.testing.assert_allclose(own, built_in, rtol=1e-5)
-
-
-def test_models_of_a_comparison_are_evaluated_too(place, call, monkeypatch):
-    leave_blank(monkeypatch)
-    write_suite(place, 'recipes = [{name = "integral"}]; horizons = [0.3]')
-    assert call("compare suite.toml --out result --jobs 1")[0] == 0
-    models = sorted((place / "result" / "models").glob("*.json"))
-    assert len(models) == 3
-    code, out, err = call("evaluate", *models, "tiny", "--horizons", 0.3, "--out", "all.csv")
-    assert (code, err) == (0, "")
-    table = pd.read_csv(place / "all.csv")
-    assert set(table["identifier"]) == {path.stem for path in models}
-    best = table[(table["score"] == "rollout_angle") & (table["statistic"] == "median")]
-    best = best[best["joint"] == "all"].set_index("identifier")["value"]
-    assert (
-        best["tiny--coulomb_viscous--integral--seed0"] < 0.2 * best["tiny--none--integral--seed0"]
-    )
 
 
 def test_evaluate_counts_the_parameters_that_compare_counts(place, call):
