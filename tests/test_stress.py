@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fixtures.mistakes import mistakes
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_refused
 
@@ -57,17 +58,14 @@ def test_gross_outliers_hardly_harm(method, name):
 
 
 @BOTH
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("angles constant", "no joint moves by more than the noise of its angle"),
-        ("angles constant but for noise", "no joint moves by more than the noise of its angle"),
-        ("angle 1 constant", "joint 1 slides in 0 rows"),
-        ("angle 2 constant", "joint 2 slides in 0 rows"),
-    ],
-)
-def test_joints_that_stand_still_are_refused_in_a_line(method, name, words):
-    still, _ = pairs(name)[0]
+@mistakes("""
+angles constant               => no joint moves by more than the noise of its angle
+angles constant but for noise => no joint moves by more than the noise of its angle
+angle 1 constant              => joint 1 slides in 0 rows
+angle 2 constant              => joint 2 slides in 0 rows
+""")
+def test_joints_that_stand_still_are_refused_in_a_line(method, wrong, words):
+    still, _ = pairs(wrong)[0]
     with assert_refused(words):
         fid.fit(still, LAW, method=method)
 

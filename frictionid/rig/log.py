@@ -74,10 +74,8 @@ class Port:
 
     def close(self) -> None:
         """Close the port."""
-        try:
+        with contextlib.suppress(serial.SerialException, OSError):
             self._serial.close()
-        except (serial.SerialException, OSError):
-            pass
 
 
 def _complaint(name: str, baud: int, error: Exception) -> str:
@@ -235,7 +233,7 @@ class Logger:
             raise InputError(f"port {self._name}: {diagnosis(self.rig.protocol, bad, counts.size)}")
 
     def _begin(self) -> None:
-        self._remainder = b""
+        self._remainder: bytes = b""
         if self.rig.protocol.begin:
             self.send(self.rig.protocol.begin)
 
@@ -265,7 +263,7 @@ class ProgressLine:
     def __init__(self, columns: Sequence[str]) -> None:
         self._columns, self._stream = columns, sys.stderr
         self._live = self._stream.isatty()
-        self._at, self._rows, self._rate = time.monotonic(), 0, 0.0
+        self._at, self._rows = time.monotonic(), 0
         self._connected = True
 
     def __call__(self, counts: Counts, connected: bool) -> None:
@@ -276,10 +274,10 @@ class ProgressLine:
         now = time.monotonic()
         if now - self._at < _SHOW:
             return
-        self._rate = (counts.rows - self._rows) / (now - self._at)
+        rate = (counts.rows - self._rows) / (now - self._at)
         self._at, self._rows = now, counts.rows
         if self._live:
-            self._stream.write(f"\r\033[K{progress(self._columns, counts, self._rate)}")
+            self._stream.write(f"\r\033[K{progress(self._columns, counts, rate)}")
             self._stream.flush()
 
     def __enter__(self) -> "ProgressLine":

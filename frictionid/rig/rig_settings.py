@@ -11,7 +11,7 @@ skipped. With a mark, a line is found even if the one before it lost its end.
 import binascii
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import xor
@@ -172,20 +172,19 @@ def checksum(kind: str, body: bytes) -> bytes:
     return b"%04X" % binascii.crc_hqx(body, 0xFFFF)
 
 
-def diagnosis(form: LineProtocol, rejected: Iterable[Rejected], count: int) -> str:
+def diagnosis(form: LineProtocol, rejected: Sequence[Rejected], count: int) -> str:
     """Message where no line can be read: the expected format, what came, and what to correct.
 
     count : bytes that came
     """
-    lines = list(rejected)
-    shown = max((r.line for r in lines), key=_printable_share, default=b"")
+    shown = max((r.line for r in rejected), key=_printable_share, default=b"")
     text = shown[:_EXAMPLE].decode("ascii", "backslashreplace").strip()
     if _printable_share(shown) < 0.9:
         return (
             f"nothing but garbage in {count} bytes: the baud rate is wrong, or something else is "
             "connected; check baud in [protocol], and the port"
         )
-    kinds = Counter(r.reason for r in lines)
+    kinds = Counter(r.reason for r in rejected)
     kind = kinds.most_common(1)[0][0]
     wanted = form.separator.join(form.columns)
     rule = f"{form.mark}{wanted}{'' if form.checksum == 'none' else '*' + form.checksum}"

@@ -115,7 +115,7 @@ class Controller:
 
     def obey(self, k: int, line: bytes) -> None:
         """Obey a line that the host sent before the k-th moment; what is no command is ignored."""
-        text, protocol = unframed(self._form, line), self.drive.rig.protocol
+        text, protocol = unframed(self._form, line), self._form
         if text is None:
             return
         time = float(self._time[min(k, len(self._time) - 1)])
@@ -151,7 +151,7 @@ class Controller:
         return (time - self.drive.offset) / (1.0 + self.drive.drift)
 
     def _texts(self, clock: float, command: Array, measured: Array) -> list[str]:
-        protocol = self.drive.rig.protocol
+        protocol = self._form
         values = {"time": _stamp(clock, protocol.unit, protocol.wrap)}
         for motor, c, u in zip(self.drive.rig.motors, command, measured, strict=True):
             values[motor.measured] = f"{u / motor.per_measured:.6f}"

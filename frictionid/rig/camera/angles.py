@@ -192,7 +192,8 @@ def angles_of(tracks: Markers, setup: MarkerSetup, size: tuple[int, int], name: 
     pivot = setup.markers[0]
     seen = tracks.seen.copy()
     markers = tracks.at.copy()
-    if pivot.at is None and not pivot.moves:  # one place that counts in all frames
+    rests = pivot.at is None and not pivot.moves  # one place that counts in all frames
+    if rests:
         seen[:, 0] = seen[:, 0].any()
     _check_seen(seen, setup, name)
     lengths = None if setup.links.lengths is None else np.array(setup.links.lengths)
@@ -201,7 +202,7 @@ def angles_of(tracks: Markers, setup: MarkerSetup, size: tuple[int, int], name: 
             f"{name}: links have the ratio {_ratio(off[0])} in the picture and {_ratio(off[1])} by "
             "links.lengths; correct the lengths or the order of the markers"
         )
-    if pivot.at is None and not pivot.moves:
+    if rests:
         markers[:, 0] = np.median(markers[seen[:, 0], 0], axis=0)
     calibration = calibrate_view(
         *(markers, tracks.sigma, seen, size),

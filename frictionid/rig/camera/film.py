@@ -1,9 +1,9 @@
 """Videos of simulated recordings: exposure blur, noise, jitter, dropped frames, occlusions."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -87,8 +87,7 @@ def load_film(path: str | Path) -> Film:
     return settings_of(Film, read_toml(Path(path), "name a camera.toml"), str(path))
 
 
-@dataclass(frozen=True, eq=False)
-class Shot:
+class Shot(NamedTuple):
     """A frame: middle of its exposure [s], its picture, and which markers (n + 1,) are occluded."""
 
     time: float

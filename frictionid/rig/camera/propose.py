@@ -14,7 +14,7 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
 
-from .marker_setup import MIN_HUE_DISTANCE, Camera, Links, Marker, MarkerSetup, hue_distance
+from .marker_setup import MIN_HUE_DISTANCE, Links, Marker, MarkerSetup, hue_distance
 from .source import Image, Source
 
 with needs("camera"):
@@ -76,13 +76,12 @@ def propose(source: Source) -> MarkerSetup:
         chain.append(regions.drop_duplicates("frame", keep="last"))
         pixels.append(length)
         used = used.append(regions.index)
-    names = ["elbow", "tip"] if len(chain) == 2 else [f"joint{k + 2}" for k in range(len(chain))]
-    if len(chain) == 1:
-        names = ["tip"]
+    usual = {1: ["tip"], 2: ["elbow", "tip"]}
+    names = usual.get(len(chain), [f"joint{k + 2}" for k in range(len(chain))])
     markers = [_pivot(first.centre, groups)]
     markers += [_marker(name, dots) for name, dots in zip(names, chain, strict=True)]
     markers = _merged_hues(markers)
-    return MarkerSetup(markers=markers, links=Links(pixels=pixels), camera=Camera())
+    return MarkerSetup(markers=markers, links=Links(pixels=pixels))
 
 
 def _merged_hues(markers: Sequence[Marker]) -> list[Marker]:
