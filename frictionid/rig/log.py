@@ -152,7 +152,7 @@ class Logger:
         self._name, self._append = name, append
         self._zero = time.time() - time.monotonic()  # later corrections of the clock are ignored
         self._at = rig.protocol.columns.index("time")
-        self._bad = deque[Rejected](maxlen=_KEPT)
+        self._remainder, self._bad = b"", deque[Rejected](maxlen=_KEPT)
         self._port: Port | None = Port(name, rig.protocol.baud)  # first: without it no file is made
         try:
             self._out = Appender(out, log_header(rig), append=append)
@@ -233,7 +233,7 @@ class Logger:
             raise InputError(f"port {self._name}: {diagnosis(self.rig.protocol, bad, counts.size)}")
 
     def _begin(self) -> None:
-        self._remainder: bytes = b""
+        self._remainder = b""
         if self.rig.protocol.begin:
             self.send(self.rig.protocol.begin)
 
