@@ -12,7 +12,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers import csv_table, table
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
-from frictionid.data.state_estimators import RTS
+from frictionid.data.state_estimators import RTS, KalmanFilter
 from frictionid.dynamics.tangent import end_states
 from frictionid.evaluation.scoring import held_out_residual
 from frictionid.fitting.identifiers import LeastSquares
@@ -109,6 +109,18 @@ def test_recordings_held_out_side_by_side_are_those_alone(law, monkeypatch):
         inputs = nodes.inputs.each(lambda x, own=slice(a, b): x[own])
         alone = Nodes(inputs, nodes.time[a:b], np.array([0, b - a]))
         np.testing.assert_allclose(found[a:b], along(own[r], alone), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("estimator", [RTS(), KalmanFilter()], ids=repr)
+def test_states_of_3000_recordings_are_those_of_each_alone(estimator):
+    rng = np.random.default_rng(0)
+    angles = [swing(int(size), rng) for size in rng.integers(12, 24, 2998)]
+    angles += [swing(3000, rng), swing(60, rng, rate=5.0)]
+    states = estimator(angles)
+    for i in (*rng.choice(2998, 20, replace=False), 2998, 2999):
+        (alone,) = estimator([angles[i]])
+        for a, b in zip(states[i].motion, alone.motion, strict=True):
+            np.testing.assert_array_equal(a, b)
 
 
 def test_signals_of_unlike_length_are_not_padded_together():
