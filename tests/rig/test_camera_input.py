@@ -227,8 +227,9 @@ view.scale = 0.0                            => scale
 view.size = [0, 10]                         => size
 view.pivot = [9e39, 100.0]                  => pivot
 view.pivot = [100.0, -1e5]                  => pivot
-look.dots = [[], [0.0, 0.85]]               => look.dots
-look.dots = [[], [0.0, 8.5, 0.85]]          => look.dots
+look.dots = [[], [], [0.0, 0.85]]           => look.dots: \[0.0, 0.85\] must be a hue
+look.dots = [[], [], [0.0, 8.5, 0.85]]      => look.dots: \[0.0, 8.5, 0.85\] must be a hue
+look.dots = [[], [0.0, 0.85, 0.85]]         => look.dots has 2 entries for 2 links
 look.radius = -3.0                          => radius
 sync_led.at = [1300.0, 9.0]                 => outside the picture of 1280 x 720
 sync_led.switches = [2.0, 1.0]              => must increase
