@@ -254,16 +254,24 @@ def crossing_jump(
     It may free a joint in rows (k,) where one is at stake, at rest before, or as a joint no longer
     pulls at it; held (k, m) is the friction that holds all that stick.
     """
-    xp, sticking = namespace(held), crossing.sticking
+    sticking = crossing.sticking
     freed = sticking & ~since.below_break_away(held) & at_stake[..., None]
-    Tf = xp.where(freed, held, since.friction)
-    a = constrained(now.M, now.left(Tf), sticking & ~freed, now.turns)
     change = onto_joints(now.friction - since.friction, now.turns)
-    return xp.where(
+    return namespace(held).where(
         at_stake[..., None],
-        a - constrained(now.M, now.left(now.friction), sticking, now.turns),
+        _change(now, since.friction, held, sticking, freed),
         constrained(now.M, change, sticking, now.turns),
     )
+
+
+def _change(now: Balance, friction: Array, held: Array, sticking: Array, freed: Array) -> Array:
+    """Change of the accelerations (k, n) by another friction, and as some of what sticks is freed.
+
+    held : (k, m), friction that holds what sticks
+    """
+    Tf = namespace(held).where(freed, held, friction)
+    a = constrained(now.M, now.left(Tf), sticking & ~freed, now.turns)
+    return a - constrained(now.M, now.left(now.friction), sticking, now.turns)
 
 
 def after_break_away(substep: Substep, crossed: Array | None) -> State:
@@ -301,10 +309,7 @@ def slid(
     """
     xp, n, turns = namespace(held), state.q.shape[-1], now.turns
     broken = sticking & ~now.below_break_away(held)
-    a = constrained(
-        now.M, now.left(xp.where(broken, held, now.friction)), sticking & ~broken, turns
-    )
-    jump = a - constrained(now.M, now.left(now.friction), sticking, turns)
+    jump = _change(now, now.friction, held, sticking, broken)
     excess = xp.stack([xp.abs(jump[..., j]) * now.M[..., j, j] for j in range(n)], axis=-1)
     if turns is not None:
         inertia = 1.0 / xp.linalg.diagonal(mobility(now.M, turns))[..., n:]

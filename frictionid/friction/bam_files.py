@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.errors import InputError
+from frictionid.errors import InputError, located
 
 from .friction import Friction
 from .law import Law
@@ -77,10 +77,7 @@ def read_bam(document: Mapping[str, Any], where: str) -> Friction:
     if document.get("q_offset"):
         offset = _number(document, "q_offset", where)
         source["note"] = f"its angle offset of {offset:.4g} rad is not used: the data set has it"
-    try:
-        return Friction(law, np.array([theta]), parameters).noted(source)
-    except ValueError as error:
-        raise InputError(f"{where}: {error}") from None
+    return Friction(law, np.array([theta]), parameters).noted(source)
 
 
 def _gear(
@@ -104,10 +101,8 @@ def _gear(
         )
     moment = _number(document, "moment", where) if "moment" in document else 0.0
     missing = {"dtheta_stribeck": 1.0, "alpha": 2.0}
-    try:
+    with located(where):
         law = GearLoad(moment=moment)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
     return law, [values.get(name, missing.get(name, 0.0)) for name in GEAR]
 
 

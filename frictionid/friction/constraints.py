@@ -168,13 +168,13 @@ def constraints_of(
     absent = ~law.has_parameters(shape[-2])
     low[..., absent], high[..., absent] = 0.0, 0.0
     deviation[..., absent], size[..., absent] = np.inf, np.inf
-    for group in _checked_groups(law, equal, shape[-2]):
+    groups = _checked_groups(law, equal, shape[-2])
+    for group in groups:
         joints = np.array(group) - 1
         low[..., joints, :] = low[..., joints, :].max(axis=-2, keepdims=True)
         high[..., joints, :] = high[..., joints, :].min(axis=-2, keepdims=True)
         neutral[..., joints, :] = neutral[..., joints, :].mean(axis=-2, keepdims=True)
         size[..., joints, :] = size[..., joints, :].max(axis=-2, keepdims=True)
-    groups = tuple(map(tuple, equal))
     return Constraints(low, high, mean, deviation, neutral, size, groups)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from frictionid.arrays import Array, namespace
 from frictionid.config import check_settings
-from frictionid.errors import InputError
+from frictionid.errors import InputError, located
 
 Memory = tuple[Array, ...]
 
@@ -221,10 +221,8 @@ class Law(ABC):
 
     def __post_init__(self) -> None:
         """Validates the settings by their annotated types, and the smoothing."""
-        try:
+        with located(type(self).__name__):
             check_settings(self)
-        except InputError as error:
-            raise InputError(f"{type(self).__name__}: {error}") from None
         if "width" in (setting.name for setting in fields(self)):
             check_smoothing(type(self).__name__, self.width, self.shape or "tanh")
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from frictionid.config import unknown
 from frictionid.data.calibration import Calibration
-from frictionid.errors import InputError, needs
+from frictionid.errors import InputError, located, needs
 from frictionid.files import TEMPORARY, model_path, read_json, regular_file, write_bytes, write_json
 from frictionid.friction import Friction, Law, laws, units_of
 
@@ -27,12 +27,8 @@ from .bam_files import is_bam, read_bam
 
 FORMAT = "frictionid model 1"
 _WEIGHTS = ".safetensors"
-_OF_SERVOS = (
-    "motor",
-    "target_delay",
-    "backlash",
-    "envelope",
-)  # of a calibration, where servos drive
+# of a calibration, where servos drive
+_OF_SERVOS = ("motor", "target_delay", "backlash", "envelope")
 
 
 def _built_in() -> Iterator[type[Law]]:
@@ -59,16 +55,10 @@ def model_document(friction: Friction) -> dict[str, Any]:
     theta = np.asarray(friction.theta, dtype=float)
     has = friction.law.has_parameters(friction.n)
     mean = theta.mean(axis=tuple(range(theta.ndim - 2)))
-    words = [
-        {
-            name: {"value": float(mean[j, i]), "unit": unit}
-            for i, (name, unit) in enumerate(
-                zip(friction.law.names, friction.units_at(j), strict=True)
-            )
-            if has[j, i]
-        }
-        for j in range(friction.n)
-    ]
+    words = []
+    for j, row in enumerate(mean.tolist()):
+        rows = zip(friction.law.names, row, friction.units_at(j), has[j], strict=True)
+        words.append({name: {"value": x, "unit": unit} for name, x, unit, there in rows if there})
     return {
         "format": FORMAT,
         "law": _law_table(friction.law),
@@ -114,16 +104,17 @@ def _load_unit(document: Mapping[str, Any], where: str) -> str:
 
 def _law_table(law: Law) -> dict[str, Any]:
     """Kind and settings of a law; one within another, as in an ensemble, is such a table itself."""
-    names = [name for name, kind_class in LAWS.items() if type(law) is kind_class]
-    table: dict[str, Any] = {"kind": names[0] if names else type(law).__name__}
-    for field in fields(law):
-        if field.name not in law.left_out_of_files:
-            value = getattr(law, field.name)
-            laws_inside = isinstance(value, tuple) and any(isinstance(v, Law) for v in value)
-            entries = value if laws_inside else (value,)
-            plain = [_law_table(v) if isinstance(v, Law) else v for v in entries]
-            table[field.name] = plain if laws_inside else plain[0]
-    return table
+    kind = law.kind if LAWS.get(law.kind) is type(law) else type(law).__name__
+    names = (field.name for field in fields(law) if field.name not in law.left_out_of_files)
+    settings = {name: _setting(getattr(law, name)) for name in names}
+    return {"kind": kind, **settings}
+
+
+def _setting(value: Any) -> Any:
+    """A setting of a law with tables in place of laws."""
+    if isinstance(value, tuple):
+        return tuple(map(_setting, value))
+    return _law_table(value) if isinstance(value, Law) else value
 
 
 def model_paths(path: Path) -> tuple[Path, Path]:
@@ -284,12 +275,11 @@ def _calibration(table: Any, where: str) -> Calibration | None:
             f'{where}: "calibration" must have {", ".join(names)}, and may have '
             f"{', '.join(_OF_SERVOS)}"
         )
-    numbers: dict[str, Any] = {
-        k: None if v is None else np.asarray(v, dtype=float) for k, v in table.items()
-    }
-    for name, value in numbers.items():
-        is_finite = value is not None and np.isfinite(value).all()
-        if not is_finite and not (value is None and name in ("base", *_OF_SERVOS)):
+    numbers: dict[str, Any] = {}
+    for name, value in table.items():
+        may_lack = value is None and name in ("base", *_OF_SERVOS)
+        numbers[name] = None if may_lack else np.asarray(value, dtype=float)
+        if not may_lack and not np.isfinite(numbers[name]).all():
             raise InputError(f"{where}: calibration.{name} must be finite numbers")
     return Calibration(**numbers)
 
@@ -353,17 +343,15 @@ def _shaped(document: Mapping[str, Any], law: Law, where: str) -> np.ndarray:
 
 def _words(document: Mapping[str, Any], joints: Sequence[Any], law: Law, where: str) -> np.ndarray:
     """Parameters (n, P) of `joints`; those that a joint does not have are zero."""
-    try:
+    with located(where):
         has = law.has_parameters(len(joints))
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
     each = _units_of_document(document, len(joints), where) or ("rad",) * len(joints)
     load = _load_unit(document, where)
     out = np.zeros(has.shape)
-    for j, (joint, has_joint, unit) in enumerate(zip(joints, has, each, strict=True)):
-        units = units_of(law, unit, load)
-        units_of_joint = {name: units[i] for i, name in enumerate(law.names) if has_joint[i]}
-        out[j, has_joint] = _joint(joint, units_of_joint, f"{where}: joint {j + 1}")
+    for j, (joint, unit) in enumerate(zip(joints, each, strict=True)):
+        units = zip(law.names, units_of(law, unit, load), has[j], strict=True)
+        present = {name: unit for name, unit, there in units if there}
+        out[j, has[j]] = _joint(joint, present, f"{where}: joint {j + 1}")
     return out
 
 

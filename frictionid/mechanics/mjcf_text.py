@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
+from scipy.spatial.transform import Rotation
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
@@ -377,15 +378,8 @@ def lacking_inertias(mechanism: Mechanism, parameters: Mapping[str, float]) -> A
 
 def _quaternion(R: Array) -> Array:
     """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), its largest entry positive."""
-    trace = np.trace(R)
-    squares = np.array([1 + trace, *(1 - trace + 2 * np.diag(R))]) / 4
-    k = int(np.argmax(squares))
-    w = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
-    K = np.zeros((4, 4))
-    K[0, 0], K[0, 1:], K[1:, 0] = 4 * squares[0], w, w
-    K[1:, 1:] = R + R.T
-    K[np.arange(1, 4), np.arange(1, 4)] = 4 * squares[1:]
-    return K[k] / np.linalg.norm(K[k])
+    four = Rotation.from_matrix(R).as_quat(scalar_first=True)
+    return four * np.sign(four[np.argmax(np.abs(four))])
 
 
 def _text(values: Array | float) -> str:

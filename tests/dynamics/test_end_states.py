@@ -101,7 +101,7 @@ def test_only_what_is_free_has_derivatives(monkeypatch):
     state = State(*np.random.default_rng(3).normal(size=(2, COUNT, n)))
     reads = reads_of(law, theta, Inputs(*(state.q[:8],) * 4))
     u = np.zeros((1, COUNT, n))
-    torque = MotorTorque(u, u[:, None][:, :0])
+    torque = MotorTorque(u, u[:, None][:, :0], u, u[:, None][:, :0])
     monkeypatch.setattr(sensitivities, "COMPILED", 0)
 
     def derivatives(joint, place):

@@ -16,7 +16,7 @@ from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import euler_step, semi_implicit_step
 from frictionid.dynamics.step_size import slopes, step_size_of, stiffness
 from frictionid.friction import Friction, at_rest
-from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction, Stribeck
+from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 
 
@@ -96,27 +96,6 @@ def test_the_error_falls_with_the_order_of_the_method(name):
     assert_allclose(advanced(CASES[name], 400), exact, rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_the_default_substeps_are_exact_to_what_a_camera_sees(name):
-    case = CASES[name]
-    count = substeps(case.plant, case.friction, DURATION)
-    error = np.abs(advanced(case, count) - reference(name))[: case.plant.n]
-    assert error.max() < 1e-4
-
-
-def test_many_substeps_are_many_steps():
-    case = CASES["double"]
-    friction = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]]))
-    begin = State(np.array(case.q), np.array(case.w))
-    u = np.array(case.u)
-    whole = step(case.plant, friction, begin, u, np.array([1.0]), 256)
-    part = begin
-    for _ in range(256):
-        part = step(case.plant, friction, part, u, np.array([1 / 256]), 1)
-    assert_array_equal(whole.q, part.q)
-    assert_array_equal(whole.w, part.w)
-
-
 def test_the_simple_steps_are_their_formulas():
     case = CASES["double"]
     q, w, u, dt = (np.array(x) for x in (case.q, case.w, case.u, [0.01]))
@@ -180,15 +159,6 @@ def test_memory_makes_the_step_one_of_second_order():
     slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert slope == pytest.approx(2, abs=0.2)
     assert errors[-1] < 2e-4
-
-
-def test_the_film_of_a_joint_at_rest_settles_while_the_joint_stays():
-    plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
-    friction = Friction(FilmLag(), np.array([[0.1, 0.05, 1.0, 0.0, 0.3]]))
-    begin = State(np.array([0.4]), np.array([0.0]), (np.array([2.0]),))
-    end = step(plant, friction, begin, np.zeros(1), np.array([0.6]), 50)
-    assert_array_equal(end.q, begin.q)
-    assert end.memory[0][0] == pytest.approx(2.0 * np.exp(-2.0), rel=1e-12)
 
 
 def test_sampled_memory_waits_for_the_next_sample():

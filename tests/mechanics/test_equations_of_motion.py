@@ -7,44 +7,20 @@ import pytest
 import torch
 from fixtures.random_machines import (
     MECHANISMS,
-    STEP,
     assert_close,
     assert_same_terms,
     drawn,
-    physical,
     random_case,
-    states,
 )
 from fixtures.refusals import assert_refused
 
-from frictionid.arrays import solve, times
+from frictionid.arrays import times
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
 
 @pytest.fixture(params=MECHANISMS)
 def mechanism(request):
     return MECHANISMS[request.param]
-
-
-# ---------------------------------------------------------------- energy
-
-
-def test_power_of_motors_and_friction_is_the_change_of_energy(mechanism):
-    p, q, w = random_case(mechanism, 8)
-    rng = np.random.default_rng(9)
-    u, Tf = rng.normal(size=q.shape), 0.3 * np.tanh(w)
-    t = mechanism.terms(p, q, w)
-    a = solve(t.M, t.h + times(t.B, u) - Tf)
-    along = mechanism.terms(p, q + 1j * STEP * w, w + 1j * STEP * a).energy
-    assert_close(along.imag / STEP, (w * (times(t.B, u) - Tf)).sum(-1))
-
-
-def test_hanging_down_is_the_lowest_rest(mechanism):
-    p = mechanism.base(physical(mechanism, np.random.default_rng(10)))
-    zero = np.zeros(mechanism.n)
-    np.testing.assert_array_equal(mechanism.terms(p, zero, zero).h, zero)
-    q, _ = states(mechanism, np.random.default_rng(11))
-    assert (mechanism.terms(p, q, 0.0 * q).energy > mechanism.terms(p, zero, zero).energy).all()
 
 
 # ---------------------------------------------------------------- base parameters
@@ -60,23 +36,6 @@ def test_motion_shows_every_base_parameter_by_itself(mechanism):
     regressor = np.stack(columns, axis=-1)
     singular = np.linalg.svd(regressor / np.linalg.norm(regressor, axis=0), compute_uv=False)
     assert singular.min() > 0.05
-
-
-def test_pendulums_that_differ_only_in_what_cannot_be_seen():
-    short = {"mass": 2.0, "length": 0.25, "inertia": 0.3}
-    long = {"mass": 1.0, "length": 0.5, "inertia": 0.125, "rotor": 5e-4, "gear": 10.0}
-    assert_close(pendulum().base(short), pendulum().base(long))
-
-
-def test_acrobots_with_their_second_links_masses_merged_move_alike():
-    """Extra mass and link as one body: mass, centre and inertia by the parallel-axis theorem."""
-    m = acrobot()
-    one = m.defaults | {"rotor": 1e-6}
-    m3, m4, L3, L4 = (one[k] for k in ("m3", "m4", "L3", "L4"))
-    centre = (m3 * L3 + m4 * L4) / (m3 + m4)
-    added = m3 * (L3 - centre) ** 2 + m4 * (L4 - centre) ** 2
-    merged = one | {"m3": m3 + m4, "m4": 0.0, "L3": centre, "J2": one["J2"] + added}
-    assert_close(m.base(one), m.base(merged))
 
 
 def test_without_a_rotor_at_joint_2_the_double_pendulum_has_five_base_parameters():

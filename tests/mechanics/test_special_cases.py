@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 from fixtures.random_machines import (
-    MECHANISMS,
     assert_close,
     assert_same_terms,
     drawn,
     moments_of_inertia,
-    physical,
 )
 
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
@@ -77,20 +75,6 @@ def test_pendulum_has_its_textbook_equation():
 
 
 # ---------------------------------------------------------------- bearing forces
-
-
-@pytest.mark.parametrize("name", MECHANISMS)
-def test_bearings_of_a_hanging_machine_carry_its_weight(name):
-    mechanism = MECHANISMS[name]
-    v = physical(mechanism, np.random.default_rng(28))
-    zero = np.zeros(mechanism.n)
-    load = mechanism.load(v, zero, zero, zero)
-    beyond = {
-        "acrobot": (("m1", "m2", "m3", "m4"), ("m3", "m4")),
-        "double_pendulum": (("m1", "m2"), ("m2",)),
-        "pendulum": (("mass",),),
-    }[mechanism.kind]
-    assert_close(load, np.array([v["g"] * sum(v[k] for k in names) for names in beyond]))
 
 
 def test_bearing_force_of_a_swinging_pendulum_by_newton():

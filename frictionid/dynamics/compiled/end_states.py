@@ -45,10 +45,8 @@ def end_states_of(
 
 def _torques(motor: MotorTorque) -> tuple[Array, Array, Array, Array, bool]:
     """Torques u, by, moment, moment_by of one piece, and whether any moment counts."""
-    u, by = (np.ascontiguousarray(x[0]) for x in (motor.u, motor.by))  # loops are for one kind
-    if motor.moment is None or motor.moment_by is None:
-        return u, by, u, by, False
-    moment, moment_by = (np.ascontiguousarray(x[0]) for x in (motor.moment, motor.moment_by))
+    # loops are for one kind of array
+    u, by, moment, moment_by = (np.ascontiguousarray(x[0]) for x in motor[:4])
     return u, by, moment, moment_by, bool(moment.any())
 
 

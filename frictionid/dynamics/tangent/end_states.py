@@ -73,7 +73,7 @@ def end_states(
         again = _too_long(model, state, rows, torque, dt) if may_halve else rows[:0]
         done = np.delete(np.arange(len(rows)), again)
         if len(done):
-            at, torque = rows[done], torque.between(done, 0, 1)
+            at, torque = rows[done], torque.part(done, slice(1))
             end, T[at] = _substep(model.take(at), _taken(state, at), T[at], torque, dt[done, None])
             for whole, part in zip(_arrays(state), _arrays(end), strict=True):
                 whole[at] = part
@@ -114,7 +114,7 @@ def _substep(
     now, by = model.instant(state, motor.u[0]), np.moveaxis(motor.by[0], 0, -1)
     end = step.substep(now, dt)
     after, T = end.state, _advanced(model, T, now, end, by, dt)
-    if motor.moment is not None and motor.moment_by is not None and motor.moment.any():
+    if motor.moment.any():
         by = np.moveaxis(motor.moment_by[0], 0, -1)
         after, T = _displaced(model, after, T, motor.moment[0], by)
     return after, T

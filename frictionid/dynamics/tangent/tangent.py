@@ -73,31 +73,24 @@ class MotorTorque(NamedTuple):
 
     u (S, K, n) [N m], by (S, E, K, n); moment (S, K, n) [N m s^2], that of the torque about the end
     of each piece beyond what its mean has, and moment_by (S, E, K, n). finer(rows, piece, parts):
-    the torque of some intervals in parts of a piece. Without these the torque is u throughout.
+    the torque of some intervals in parts of a piece; None where it is the same throughout.
     """
 
     u: Array
     by: Array
-    moment: Array | None = None
-    moment_by: Array | None = None
+    moment: Array
+    moment_by: Array
     finer: Callable[[Array, int, int], MotorTorque] | None = None
 
     def in_parts(self, rows: Array, piece: int, parts: int) -> MotorTorque:
         """The torque of some intervals in equal parts of a piece."""
         if parts > 1 and self.finer is not None:
             return self.finer(rows, piece, parts)
-        at = np.repeat(piece, parts)
-        u, by = self.u[at][:, rows], self.by[at][:, :, rows]
-        if parts > 1 or self.moment is None or self.moment_by is None:
-            return MotorTorque(u, by)
-        return MotorTorque(u, by, self.moment[at][:, rows], self.moment_by[at][:, :, rows])
+        return self.part(rows, np.repeat(piece, parts))
 
-    def between(self, rows: Array, first: int, last: int) -> MotorTorque:
+    def part(self, rows: Array, pieces: slice | Array) -> MotorTorque:
         """The torque of some intervals in some pieces."""
-        u, by, moment, moment_by = (
-            None if x is None else x[first:last][..., rows, :] for x in self[:4]
-        )
-        return MotorTorque(u, by, moment, moment_by)  # type: ignore[arg-type]
+        return MotorTorque(*(x[pieces][..., rows, :] for x in self[:4]))
 
     def as_one(self, dt: Array) -> MotorTorque:
         """The torque of all pieces of dt (K,) [s] as that of one."""
@@ -105,9 +98,8 @@ class MotorTorque(NamedTuple):
             return self
         ahead = (np.arange(len(self.u))[::-1] + 0.5)[:, None, None] * np.square(dt)[:, None]
         u, by = self.u.mean(axis=0, keepdims=True), self.by.mean(axis=0, keepdims=True)
-        moment, moment_by = ahead * (self.u - u), ahead[:, None] * (self.by - by)
-        if self.moment is not None and self.moment_by is not None:
-            moment, moment_by = moment + self.moment, moment_by + self.moment_by
+        moment = ahead * (self.u - u) + self.moment
+        moment_by = ahead[:, None] * (self.by - by) + self.moment_by
         sums = (x.sum(axis=0, keepdims=True) for x in (moment, moment_by))
         return MotorTorque(u, by, *sums)
 
@@ -135,10 +127,10 @@ def _advance_in_halves(advance: Advance, rows: Array, motor: MotorTorque, part: 
     parts = len(motor.u)
     half, every = parts // 2, np.arange(len(rows))
     for first in (0, half):
-        torque = motor.between(every, first, first + half)
+        torque = motor.part(every, slice(first, first + half))
         again = advance(rows, torque.as_one(part), half * part, half > 1)
         if len(again):
-            finer = torque.between(again, 0, half)
+            finer = torque.part(again, slice(half))
             _advance_in_halves(advance, rows[again], finer, part[again])
 
 

@@ -74,7 +74,7 @@ def with_harmonics(law: Law, chosen: tuple[int, ...]) -> Law:
     CoulombViscous(width=0.02, shape='tanh', symmetric=True)
     """
     if isinstance(law, Cogging | Ripple) and law.harmonics == AUTO:
-        none = law.law if isinstance(law, Ripple) else NoFriction()
+        none = law.inner if isinstance(law, Ripple) else NoFriction()
         return replace(law, harmonics=chosen) if chosen else none
     if not isinstance(law, CombinedLaw):
         return law

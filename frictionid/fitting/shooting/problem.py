@@ -268,7 +268,6 @@ class ShootingProblem:
         joints = [p.place[0] for p in self._entering("angle")]
         if not joints:
             return motor
-        assert motor.moment_by is not None
         S, _, k, n = motor.by.shape
         offset = np.broadcast_to(-K * np.eye(n)[joints][:, None], (S, len(joints), k, n))
         still = np.concatenate([motor.moment_by, 0.0 * offset], axis=1)
@@ -282,7 +281,6 @@ class ShootingProblem:
         A varies within a piece of time h, and moves a joint by M^-1 moment further than its mean
         would: the feedback acts on that, too, and takes (B + K h/2) M^-1 moment off its impulse.
         """
-        assert motor.moment is not None and motor.moment_by is not None
         plant = self._plant(estimate)[self.intervals.recording[rows]]
         M = plant.mechanism.inertia(plant.p, self.intervals.q[rows])
         width = np.diff(edges, axis=1).T[..., None]

@@ -149,7 +149,8 @@ def _linearised(
         model = MotionModel(here, friction[place[rows]], _NO_PARAMETER, (), reads)
         memory = memory_of(nodes[rows], mechanism)
         start = State(nodes[rows, :n], nodes[rows, n : 2 * n], memory)
-        motor = MotorTorque(u[:, rows], np.empty((len(u), 0, len(rows), n)))
+        torque, by = u[:, rows], np.empty((len(u), 0, len(rows), n))
+        motor = MotorTorque(torque, by, 0.0 * torque, by)
         with np.errstate(all="ignore"):
             end = end_states(model, start, motor, intervals.dt[rows], parts)
         out.end[rows] = np.concatenate([end.q, end.w, *end.memory], axis=-1)

@@ -83,6 +83,11 @@ class CombinedLaw(Law):
         return tuple(map(self._smoothed, laws))
 
     @property
+    def inner(self) -> Law:
+        """The first part."""
+        return self.parts[0]
+
+    @property
     def uses_load(self) -> bool:  # type: ignore[override]
         """Whether a part depends on the load."""
         return any(law.uses_load for law in self.parts)

@@ -130,11 +130,15 @@ VISCOUS_TERM = Term(VISCOUS, lambda x: x.w)
 DRAG_TERM = Term(DRAG, lambda x: x.w * namespace(x.w).abs(x.w))
 
 
+@dataclass(frozen=True)
 class LevelLaw(Law):
     """Tf = (level(|w|) + sum_i theta_i f_i) sgn(w) + sum_j theta_j f_j, break-away at the level.
 
     i are the rubbing terms, j all others. Of theta the parameters of the level come first.
     """
+
+    width: float = 0.02
+    shape: str = "tanh"
 
     @property
     @abstractmethod

@@ -42,8 +42,6 @@ class LoadDependent(LevelLaw):
     stribeck : true adds the peak of Stribeck friction to the level, peak exp(-(w/ws)^2)
     """
 
-    width: float = 0.02
-    shape: str = "tanh"
     stribeck: bool = False
     uses_load = True
     terms: ClassVar = (Term(LOAD, lambda x: x.load, rubbing=True), VISCOUS_TERM)
@@ -67,8 +65,6 @@ class MotorLoad(LevelLaw):
         supply that gives in, heat, saturation
     """
 
-    width: float = 0.02
-    shape: str = "tanh"
     squared: bool = False
     level: ClassVar = Level(peaked=False)
 

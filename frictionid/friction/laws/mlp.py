@@ -76,9 +76,7 @@ class MLP(LevelNetwork):
             sign = side if self.odd else 1.0
             by_part = -by_z[..., i - self.others] * sign * inside
             columns.append(level.by_y * (by_part / theta[..., 3 + i]))
-        head = xp.stack([column + 0.0 * y for column in columns], axis=-1)
-        whole = xp.concat([head, level.by_y[..., None] * by_weights], axis=-1)
-        return whole * smooth_sign(w, self.width, self.shape)[..., None]
+        return self.torque_slopes(x, level, columns, by_weights)
 
     def inputs(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
         return self._inputs(theta, speed, side_of(x.w), x.w)
@@ -133,17 +131,16 @@ class WindowMLP(LevelNetwork):
         return (w, *(x.q - k * self.sample_time * w for k in range(self.samples)))
 
     def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory]:
-        xp, reach = namespace(theta, x.w), theta[..., 1]
-        share = xp.abs(x.w) / reach
-        z = self.inputs(theta, x, xp.abs(x.w), memory)
+        speed, reach = namespace(theta, x.w).abs(x.w), theta[..., 1]
+        share, z = speed / reach, self.inputs(theta, x, speed, memory)
         y, by_weights, by_z = slopes(self.layer_weights(theta), z, self.sizes)
         level = self.level_slopes(theta, y, share)
         by_entry, by_reach = self._by_memory(x, memory, reach, by_z)
         by_reach = by_reach - (by_z[..., 0] * fine_slope(share) + level.tail) * share / reach
-        head = xp.stack([level.by_torque, level.by_y * by_reach, level.by_tail], axis=-1)
-        by_theta = xp.concat([head, level.by_y[..., None] * by_weights], axis=-1)
+        columns = (level.by_torque, level.by_y * by_reach, level.by_tail)
         sign = smooth_sign(x.w, self.width, self.shape)
-        return by_theta * sign[..., None], tuple(level.by_y * sign * entry for entry in by_entry)
+        by_memory = tuple(level.by_y * sign * entry for entry in by_entry)
+        return self.torque_slopes(x, level, columns, by_weights), by_memory
 
     def _by_memory(
         self, x: Inputs, memory: Memory, reach: Array, by_z: Array

@@ -9,6 +9,7 @@ on, straight. With f(y) = log(1 + e^y) the level is positive, and friction takes
 
 import math
 from abc import abstractmethod
+from collections.abc import Sequence
 from functools import cache, cached_property
 from typing import NamedTuple
 
@@ -60,10 +61,6 @@ class NetworkLaw(Law):
     odd : bool
         Whether friction is the same in both directions; other cells then read -w, and the levels of
         both are averaged.
-    samples : int
-        Number of past samples in the memory of a law that reads a window of them.
-    presliding : float
-        Scale [rad] of angles in that window; 0: it holds velocities.
     others : int
         Number of other joints whose velocities are inputs.
     """
@@ -71,8 +68,6 @@ class NetworkLaw(Law):
     is_network = True
     cells: int = 0
     odd: bool = False
-    samples: int = 0
-    presliding: float = 0.0
     others: int = 0
 
     @property
@@ -261,6 +256,15 @@ class LevelNetwork(NetworkLaw):
         by_y = theta[..., 0] * (rise(y) if self.dissipative else 1.0 + 0.0 * y)
         by_tail = by_y * (share * (rise(theta[..., 2]) if self.monotone_tail else 1.0))
         return LevelSlopes(softplus(y) if self.dissipative else y, by_y, by_tail, tail)
+
+    def torque_slopes(
+        self, x: Inputs, level: LevelSlopes, by_scales: Sequence[Array], by_weights: Array
+    ) -> Array:
+        """Derivatives (..., n, P) of the torque, from those of the level and of the outputs."""
+        xp = namespace(by_weights)
+        head = xp.stack([column + 0.0 * level.by_y for column in by_scales], axis=-1)
+        whole = xp.concat([head, level.by_y[..., None] * by_weights], axis=-1)
+        return whole * smooth_sign(x.w, self.width, self.shape)[..., None]
 
     def inputs(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
         """Inputs (..., n, a) of the layers at another speed in the direction of x.w."""

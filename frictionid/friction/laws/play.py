@@ -98,12 +98,12 @@ class Play(CombinedLaw):
 
     def _split(self, theta: Array) -> tuple[Array, Array]:
         """Parameters of the laws behind the play and of the joint."""
-        count = len(self.parts[0].names)
+        count = len(self.inner.names)
         return theta[..., :count], theta[..., count + 1 :]
 
     def _reach(self, theta: Array, w: Array) -> Array:
         """Largest |z| [rad]: beyond the side by half the way over which contact closes."""
-        return theta[..., len(self.parts[0].names)] / 2 + self._half(w)
+        return theta[..., len(self.inner.names)] / 2 + self._half(w)
 
     def _half(self, w: Array) -> Array:
         """Half the way over which contact closes [rad]."""
@@ -114,5 +114,5 @@ class Play(CombinedLaw):
         """Share (..., n) of the friction behind the play that acts on the joint."""
         xp = namespace(theta, x.w)
         ahead = xp.where(x.w >= 0.0, memory[0], -memory[0])
-        share = (ahead - theta[..., len(self.parts[0].names)] / 2 + half) / (2 * half)
+        share = (ahead - theta[..., len(self.inner.names)] / 2 + half) / (2 * half)
         return xp.minimum(xp.maximum(share, 0.0 * share), 1.0 + 0.0 * share)

@@ -59,12 +59,16 @@ def bristle_rate(z: Array, w: Array, steady: Array) -> Array:
     return w - namespace(w).abs(w) * z / steady
 
 
+@dataclass(frozen=True)
 class BristleLaw(Law):
     """A law whose memory is the bend z [rad] of bristles, which hold a joint at rest.
 
     It starts as in steady sliding; of a joint at rest the bend is not known, and is taken to grow
     over `width` [rad/s]. There is no break-away level.
     """
+
+    width: float = 0.02
+    shape: str = "tanh"
 
     def steady(self, theta: Array, w: Array) -> Array:
         """Bend (..., n) in steady sliding [rad], > 0."""
@@ -97,8 +101,6 @@ class Dahl(BristleLaw):
         `MotorLoad`: the spring is stiffer under load
     """
 
-    width: float = 0.02
-    shape: str = "tanh"
     motor_load: bool = False
 
     @property
@@ -126,8 +128,6 @@ class LuGre(BristleLaw):
     symmetric : false gives each direction a Coulomb level and a peak; the bristles are the same
     """
 
-    width: float = 0.02
-    shape: str = "tanh"
     symmetric: bool = True
     kind = "lugre"
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from frictionid.arrays import Array, namespace
 from frictionid.config import Positive
-from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction import Inputs, LawParameter, Memory
 
 from .cogging import Harmonics, orders, waves
 from .combined import CombinedLaw
@@ -50,15 +50,10 @@ class Ripple(CombinedLaw):
         return orders(self.harmonics, "Ripple")
 
     @property
-    def law(self) -> Law:
-        """The law that the ripple is laid over."""
-        return self.parts[0]
-
-    @property
     def parameters(self) -> tuple[LawParameter, ...]:
         waves = (f"{name}_{k}" for k in self.orders for name in ("cos", "sin"))
         return (
-            *self.law.parameters,
+            *self.inner.parameters,
             *(LawParameter(name, "1", -_MOST, _MOST, size=0.3, optional=True) for name in waves),
         )
 
@@ -69,7 +64,7 @@ class Ripple(CombinedLaw):
     def gradient(self, theta: Array, x: Inputs) -> Array:
         numbers, _ = self._split(theta)
         level, _ = self._parts(theta, x)
-        of_law = self.law.gradient(numbers, x)
+        of_law = self.inner.gradient(numbers, x)
         height = self._height(theta, x) + 0.0 * level
         columns = [height * of_law[..., i] for i in range(numbers.shape[-1] - 1)]
         xp = namespace(theta, x.w)
@@ -78,7 +73,7 @@ class Ripple(CombinedLaw):
         return xp.stack(columns, axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self._height(theta, x) * self.law.limit(self._split(theta)[0], x, memory)
+        return self._height(theta, x) * self.inner.limit(self._split(theta)[0], x, memory)
 
     def _split(self, theta: Array) -> tuple[Array, Array]:
         """Parameters of the law, viscous friction last, and amplitudes of the waves."""
@@ -89,7 +84,7 @@ class Ripple(CombinedLaw):
         """Torque that ripples, level(w) sgn(w), and viscous friction, which does not."""
         numbers, _ = self._split(theta)
         viscous = numbers[..., -1] * x.w
-        return self.law.torque(numbers, x, ()) - viscous, viscous
+        return self.inner.torque(numbers, x, ()) - viscous, viscous
 
     def _waves(self, x: Inputs) -> Iterator[Array]:
         return waves(x.q, self.orders, self.gear)

@@ -19,8 +19,6 @@ class Stribeck(LevelLaw):
         viscous coefficient are shared
     """
 
-    width: float = 0.02
-    shape: str = "tanh"
     symmetric: bool = True
     terms: ClassVar = (VISCOUS_TERM,)
 
@@ -40,8 +38,6 @@ class CoulombViscous(LevelLaw):
         `coulomb_negative` for w < 0; both are positive numbers
     """
 
-    width: float = 0.02
-    shape: str = "tanh"
     symmetric: bool = True
     terms: ClassVar = (VISCOUS_TERM,)
 
@@ -58,7 +54,5 @@ class Quadratic(LevelLaw):
     constant of a motor loses with its speed.
     """
 
-    width: float = 0.02
-    shape: str = "tanh"
     level: ClassVar = Level(peaked=False)
     terms: ClassVar = (VISCOUS_TERM, DRAG_TERM)

@@ -54,11 +54,6 @@ class Thermal(CombinedLaw):
             raise InputError(f"thermal: law = {self.inner.kind!r} {why}: name a static law")
 
     @property
-    def inner(self) -> Law:
-        """The law at one temperature."""
-        return self.parts[0]
-
-    @property
     def parameters(self) -> tuple[LawParameter, ...]:
         return (*self.inner.parameters, *_WARMING)
 

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -52,9 +53,7 @@ def urdf(
     InputError
         Where the file is no URDF, its joints are no tree, or an option does not fit them.
     """
-    robot = read_urdf(_file(urdf, "urdf"))
-    choice = Choice(joints, base, locked, gravity, payload, driven, coupled, floating)
-    return _mechanism("urdf", robot, choice)
+    return _mechanism("urdf", read_urdf, locals())
 
 
 def mjcf(
@@ -72,16 +71,22 @@ def mjcf(
 
     Gravity is that of the file if not given. MuJoCo reads the file and must be installed.
     """
-    robot = read_mjcf(_file(mjcf, "mjcf"))
-    choice = Choice(joints, base, locked, gravity, payload, driven, coupled, floating)
-    return _mechanism("mjcf", robot, choice)
+    return _mechanism("mjcf", read_mjcf, locals())
 
 
 _TURNS = 1e6  # of a coupled part for one of a joint, at most
 FORMATS: Mapping[str, Callable[..., RigidBodyTree]] = {"urdf": urdf, "mjcf": mjcf}
 
 
-def _mechanism(kind: str, robot: Robot, choice: Choice) -> RigidBodyTree:
+def _mechanism(
+    kind: str, read: Callable[[Path], Robot], arguments: Mapping[str, Any]
+) -> RigidBodyTree:
+    """Mechanism of a file, under the name of its format, and of options."""
+    file = arguments[kind]
+    if not isinstance(file, str | Path):
+        raise InputError(f'[mechanism] {kind} = {file!r} must be a file: {kind} = "arm.{kind}"')
+    robot = read(Path(file))
+    choice = Choice(**{name: arguments[name] for name in Choice._fields})
     payload = choice.payload
     _check_choice(choice)
     tree, attached = tree_of(robot, choice)
@@ -117,12 +122,6 @@ def _mechanism(kind: str, robot: Robot, choice: Choice) -> RigidBodyTree:
         identity=_identity(tree),
         payload=at,
     )
-
-
-def _file(path: object, kind: str) -> Path:
-    if not isinstance(path, str | Path):
-        raise InputError(f'[mechanism] {kind} = {path!r} must be a file: {kind} = "arm.{kind}"')
-    return Path(path)
 
 
 def _check_choice(choice: Choice) -> None:

@@ -26,7 +26,7 @@ from ..plant import base_motion_of, side_by_side, with_base_motion
 from .base_parameters import BaseParameters, geometry
 from .kinematics import placements
 from .loops import Geometry
-from .robot import MOMENTS, Attached, Tree, moved
+from .robot import MOMENTS, UPPER, Attached, Tree, matrix_of, moved
 
 PAYLOAD = (
     ("mass", "kg", "mass of the payload"),
@@ -225,13 +225,12 @@ def pseudo_inertia(moments: Array) -> Array:
     >>> pseudo_inertia(np.array([2.0, 0.2, 0, 0, 0.01, 0, 0, 0.04, 0, 0.04])).diagonal()
     array([0.035, 0.005, 0.005, 2.   ])
     """
-    mass, first, second = moments[..., 0], moments[..., 1:4], moments[..., 4:]
-    turning = second[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    turning = matrix_of(moments[..., 4:])
     half = np.trace(turning, axis1=-2, axis2=-1)[..., None, None] / 2
     J = np.empty((*moments.shape[:-1], 4, 4))
     J[..., :3, :3] = half * np.eye(3) - turning
-    J[..., :3, 3] = J[..., 3, :3] = first
-    J[..., 3, 3] = mass
+    J[..., :3, 3] = J[..., 3, :3] = moments[..., 1:4]
+    J[..., 3, 3] = moments[..., 0]
     return J
 
 
@@ -239,8 +238,7 @@ def moments_of(J: Array) -> Array:
     """Moments (..., 10) of pseudo-inertias (..., 4, 4), the inverse of `pseudo_inertia`."""
     S = J[..., :3, :3]
     turning = np.trace(S, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - S
-    second = turning[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    return np.concatenate([J[..., 3:, 3], J[..., :3, 3], second], axis=-1)
+    return np.concatenate([J[..., 3:, 3], J[..., :3, 3], turning[..., *UPPER]], axis=-1)
 
 
 def nearest_consistent(mechanism: RigidBodyTree, wanted: Array, metric: Array) -> Array:

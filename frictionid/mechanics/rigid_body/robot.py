@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from frictionid.arrays import Array
 from frictionid.config import nearest
@@ -124,20 +125,19 @@ class Attached(NamedTuple):
 class Choice(NamedTuple):
     """What a [mechanism] table says beside the file, see `described.urdf`."""
 
-    joints: Sequence[str] | None
-    base: str | None
-    locked: Mapping[str, float] | None
-    gravity: Sequence[float] | None
-    payload: str | None
-    driven: Sequence[bool] | bool
-    coupled: Mapping[str, Mapping[str, float]] | None
-    floating: bool
+    joints: Sequence[str] | None = None
+    base: str | None = None
+    locked: Mapping[str, float] | None = None
+    gravity: Sequence[float] | None = None
+    payload: str | None = None
+    driven: Sequence[bool] | bool = True
+    coupled: Mapping[str, Mapping[str, float]] | None = None
+    floating: bool = False
 
     def changed(self) -> dict[str, Any]:
         """Those that are not what they are if not given."""
-        usual = (None, None, None, None, None, True, None, False)
-        pairs = zip(self._asdict().items(), usual, strict=True)
-        return {name: value for (name, value), default in pairs if value is not default}
+        usual = self._field_defaults
+        return {k: value for k, value in self._asdict().items() if value is not usual[k]}
 
 
 def tree_of(robot: Robot, choice: Choice) -> tuple[Tree, dict[str, Attached]]:
@@ -203,33 +203,22 @@ def moved(inertia: Array, turn: Array, shift: Array) -> Array:
     first = h + mass * shift
     about = np.outer(first, shift) + np.outer(shift, h)
     J = turned + np.trace(about) * np.eye(3) - (about + about.T) / 2
-    return np.array([mass, *first, J[0, 0], J[0, 1], J[0, 2], J[1, 1], J[1, 2], J[2, 2]])
+    return np.array([mass, *first, *J[UPPER]])
+
+
+UPPER = np.triu_indices(3)  # places of xx, xy, xz, yy, yz, zz in a symmetric matrix
 
 
 def matrix_of(six: Array) -> Array:
-    """Symmetric matrix of xx, xy, xz, yy, yz, zz."""
-    xx, xy, xz, yy, yz, zz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def rotation(axis: Array, angle: float) -> Array:
-    """Rotation matrix by Rodrigues' formula.
-
-    >>> import numpy as np
-    >>> rotation(np.array([0.0, 0.0, 1.0]), np.pi / 2).round(9) + 0.0
-    array([[ 0., -1.,  0.],
-           [ 1.,  0.,  0.],
-           [ 0.,  0.,  1.]])
-    """
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
+    """Symmetric matrices (..., 3, 3) of xx, xy, xz, yy, yz, zz (..., 6)."""
+    return six[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
 def _locked_at(joint: Joint, at: float, turn: Array, shift: Array) -> tuple[Array, Array]:
     if joint.kind == "prismatic":
         return turn, shift + at * turn @ joint.axis
-    return (turn @ rotation(joint.axis, at) if at else turn), shift
+    rotated = Rotation.from_rotvec(at * joint.axis).as_matrix()
+    return (turn @ rotated if at else turn), shift
 
 
 def _by_parent(robot: Robot) -> dict[str, list[Joint]]:

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.files import regular_file
 
-from .robot import Joint, Limits, Robot, moved, rotation
+from .robot import Joint, Limits, Robot, moved
 
 _WORLD = "world"
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -173,14 +174,8 @@ def _origin(element: ET.Element, where: str) -> tuple[Array, Array]:
     if origin is None:
         return np.eye(3), np.zeros(3)
     shift = _numbers(origin, "xyz", 3, where, "0 0 0")
-    roll, pitch, yaw = _numbers(origin, "rpy", 3, where, "0 0 0")
-    (a, b, c), (x, y, z) = map(np.cos, (roll, pitch, yaw)), map(np.sin, (roll, pitch, yaw))
-    turn = [
-        [c * b, c * y * x - z * a, c * y * a + z * x],
-        [z * b, z * y * x + c * a, z * y * a - c * x],
-        [-y, b * x, b * a],
-    ]
-    return np.array(turn), np.array(shift)
+    angles = _numbers(origin, "rpy", 3, where, "0 0 0")
+    return Rotation.from_euler("xyz", angles).as_matrix(), np.array(shift)
 
 
 def _numbers(
@@ -279,7 +274,7 @@ def _joints_of(
         if kind == "prismatic":
             shift = shift - float(joint.qpos0[0]) * turn @ axis
         elif kind == "revolute":
-            turn = turn @ rotation(axis, -float(joint.qpos0[0]))
+            turn = turn @ Rotation.from_rotvec(-float(joint.qpos0[0]) * axis).as_matrix()
         rotor = float(model.dof_armature[model.jnt_dofadr[j]])
         joints = (name, kind, parent, child, turn, shift, axis, mimics.get(j), rotor)
         out.append(Joint(*joints, _limits_in_mujoco(model, j), _gains_in_mujoco(model, j)))
@@ -322,9 +317,7 @@ def _body_inertia(model: Any, b: int, anchor: Array) -> Array:
 
 
 def _matrix(quaternion: Array) -> Array:
-    w, x, y, z = quaternion
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + 2.0 * w * K + 2.0 * K @ K
+    return Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
 
 
 def _name_in_mujoco(element: Any, kind: str, index: int) -> str:

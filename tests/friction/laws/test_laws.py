@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 import torch
+from fixtures.exact_problems import assert_recovered, everything, explained_by
 from fixtures.memory_laws import Sampled
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import (
@@ -87,29 +90,23 @@ def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
         assert_allclose(gradient[..., i], slope, rtol=1e-12, atol=1e-15)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("law", [*LAWS, *REMEMBERING], ids=str)
 def test_laws_run_alike_on_torch(law):
     theta, x = draws(law, np.random.default_rng(1), 4, 1), speeds()
-    tensors = torch.as_tensor(theta), x.each(torch.as_tensor)
-    methods = (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ()))
-    for method in (*methods, law.gradient):
-        assert_allclose(method(*tensors).numpy(), method(theta, x), rtol=1e-14)
-
-
-@pytest.mark.parametrize("law", REMEMBERING, ids=str)
-def test_laws_with_memory_run_alike_on_torch(law):
-    theta, x = draws(law, np.random.default_rng(1), 4, 1), speeds()
-    tensors = torch.as_tensor(theta), x.each(torch.as_tensor)
     memory, dt = law.start(theta, x._replace(w=-x.w)), np.array([0.003])
-    same = tuple(torch.as_tensor(entry) for entry in memory)
-    pairs = [
-        (law.start(*tensors)[0], law.start(theta, x)[0]),
-        (law.torque(*tensors, same), law.torque(theta, x, memory)),
-        (law.advance(*tensors, same, torch.as_tensor(dt))[0], law.advance(theta, x, memory, dt)[0]),
-        (law.limit(*tensors, same), law.limit(theta, x, memory)),
-    ]
-    for found, expected in pairs:
-        assert_allclose(found.numpy(), expected, rtol=1e-13)
+
+    def values(theta, x, memory, dt):
+        yield from law.start(theta, x)
+        yield from law.advance(theta, x, memory, dt)
+        yield law.torque(theta, x, memory)
+        yield law.limit(theta, x, memory)
+        if not memory:
+            yield law.gradient(theta, x)
+
+    tensor = torch.as_tensor
+    there = values(tensor(theta), x.each(tensor), tuple(map(tensor, memory)), tensor(dt))
+    for found, expected in zip(there, values(theta, x, memory, dt), strict=True):
+        assert_allclose(found.numpy(), expected, rtol=1e-13 if memory else 1e-14)
 
 
 @pytest.mark.parametrize("law", [*LAWS, *REMEMBERING], ids=str)
@@ -259,3 +256,74 @@ def test_starts_cover_the_stribeck_velocities_of_slow_and_fast_joints(law):
     velocities = np.array([start[place] for start in law.initial])
     assert velocities.min() < 0.001 and velocities.max() > 50.0
     assert (velocities[1:] / velocities[:-1] < 2).all()
+
+
+# ---------------------------------------------------------------- truth in, truth out
+
+WAVES = [[0.2, -0.1, 0.05, 0.1], [-0.2, 0.05, 0.1, 0.0]]
+COULOMB = [[0.1, 0.02], [0.05, 0.01]]
+SIDED_BASE = Stribeck(symmetric=False)
+SIDED_LEVELS = [[0.1, 0.12, 0.04, 0.05, 1.5, 0.02], [0.05, 0.04, 0.03, 0.02, 2.5, 0.01]]
+DRAG = np.array([[0.1, 0.02, 0.003], [0.05, 0.0, 0.001]])
+SPLINES = [Spline((0.5, 1.5, 3.0, 6.0), degree) for degree in (1, 2, 3)]
+SIDED_SPLINE = Spline((0.5, 1.5, 3.0, 6.0), symmetric=False)
+
+
+def level_above_zero(law):
+    """Parameters of two splines."""
+    theta = 0.02 * np.random.default_rng(0).normal(size=(2, len(law.names)))
+    theta[:, [i for i, name in enumerate(law.names) if name.startswith("level")]] = 0.3
+    return theta
+
+
+# law, parameters of each joint, and how far off they may be if not 1e-6: relative, absolute
+RECOVERED = [
+    (Dahl(motor_load=True), [[0.1, 0.02, 0.01, 0.15], [0.05, 0.03, 0.004, 0.3]]),
+    (
+        FilmLag(symmetric=False),
+        [[0.1, 0.12, 0.06, 0.05, 1.5, 0.02, 0.03], [0.05, 0.04, 0.04, 0.03, 2.5, 0, 0.1]],
+        *(1e-6, 1e-9),
+    ),
+    (
+        LuGre(symmetric=False),
+        [
+            [0.1, 0.12, 0.06, 0.05, 1.5, 0.02, 0.03, 0.1, 0.5],
+            [0.05, 0.04, 0.04, 0.03, 2.5, 0.01, 0.01, 0.1, 0.5],
+        ],
+    ),
+    (CoulombViscous(symmetric=False), [[0.1, 0.14, 0.02], [0.05, 0.03, 0.01]], 1e-9),
+    (Ripple("coulomb_viscous", (1, 2), 3.0), np.hstack([COULOMB, WAVES]), 1e-5, 1e-7),
+    (Ripple(SIDED_BASE, (1, 2), 3.0), np.hstack([SIDED_LEVELS, WAVES]), 1e-5, 1e-7),
+    *((law, level_above_zero(law), 1e-6, 1e-9) for law in SPLINES),
+    (SIDED_SPLINE, level_above_zero(SIDED_SPLINE), 1e-5, 1e-7),
+    (LoadDependent(), [[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]]),
+    (LoadDependent(stribeck=True), [[0.04, 0.03, 1.5, 0.01, 0.02], [0.02, 0.03, 2.5, 0.005, 0.01]]),
+    (Sum(), [[0.1, 0.04, 1.5, 0.02, 0.15], [0.05, 0.03, 0.8, 0.01, 0.3]]),
+]
+RECOVERED += [(Quadratic(), DRAG * k, 1e-8, 1e-12) for k in ([1, 1, 1], [0, 1, 1], [0, 0, 100])]
+GAPS = (0.0079, 0.008, 0.0081, 0.0093, 0.012, 0.03)
+RECOVERED += [(Play(), [[0.1, 0.02, gap], [0.05, 0.02, 2 * gap]], 1e-3) for gap in GAPS]
+for way in (0.003, 0.1):
+    both = [[0.1, 0.02, way], [0.05, 0.02, way / 2]]
+    RECOVERED += [(Dahl(), both), (Dahl(), both * np.array([[100, 100, 1], [1, 1, 1]]))]
+    RECOVERED += [(LuGre(), [[0.1, 0.06, ws, 0.02, way, 0.3, 0.5]]) for ws in (1.5, 4.0)]
+for lag in (0.01, 0.3):
+    RECOVERED += [(FilmLag(), [[0.1, 0.06, ws, 0.02, lag]]) for ws in (0.6, 4.0)]
+
+
+@pytest.mark.parametrize("case", RECOVERED, ids=lambda case: str(case[0]))
+def test_truth_in_truth_out(case):
+    assert np.ptp(synthetic_problem(2).nodes.inputs.load, axis=0).min() > 1.0
+    assert_recovered(*case)
+
+
+def test_drag_alone_is_told_from_coulomb_friction_with_noise():
+    problem = explained_by(Quadratic(), DRAG[:1] * [0, 0, 1], 1e-3)
+    found = LeastSquares(Quadratic()).fit(problem, everything(problem), 0).theta[0, 0]
+    assert found[2] == pytest.approx(0.003, rel=0.05) and found[0] < 0.002
+
+
+def test_drag_grows_with_the_square_of_the_velocity_and_opposes_it():
+    w = np.array([-8.0, -4.0, 4.0, 8.0])
+    drag = Friction(Quadratic(), DRAG * [0, 0, 1]).curve(w)[:, 0]
+    assert_allclose(drag, [-0.192, -0.048, 0.048, 0.192])

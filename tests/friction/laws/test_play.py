@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from drive_logs import ServoPendulum
-from fixtures.exact_problems import assert_recovered
 from fixtures.refusals import assert_refused
 from fixtures.servo_logs import by_torque
 from numpy.testing import assert_allclose
@@ -99,12 +98,6 @@ def test_a_side_holds_a_joint_that_is_pressed_to_it_and_no_other():
         else:  # it falls through the gap, and slides behind it until friction has stopped it
             energy = 0.2 * gone - 0.3 * (gone - way)
             assert energy == pytest.approx(0.0, abs=0.07 * 0.2 * gone)
-
-
-@pytest.mark.parametrize("gap", [0.0079, 0.008, 0.0081, 0.0093, 0.012, 0.03])
-def test_truth_in_truth_out(gap):
-    theta = np.array([[0.1, 0.02, gap], [0.05, 0.02, 2 * gap]])
-    assert_recovered(Play(), theta, rtol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["lugre", "film_lag"])

@@ -35,16 +35,6 @@ def test_any_inertial_parameters_have_the_torques_of_their_base_parameters(seed)
     assert_allclose(tau, np.einsum("kic,bc->bki", Y, pi), atol=1e-8)
 
 
-def test_the_regressor_is_the_slope_of_the_torques():
-    rng, mechanism = np.random.default_rng(3), robot(3, 5)
-    q, w, a = motions(rng, (20, mechanism.n))
-    p = mechanism.base({})
-    units = np.eye(len(p))[:, None]
-    M, h = mechanism.dynamics(units, q, w)
-    by_p = np.moveaxis(times(M, a) - h, 0, -1)
-    assert_allclose(mechanism.partials(p, q, w, a).by_p, by_p, atol=1e-9)
-
-
 def test_an_axis_that_the_file_rounds_to_a_right_angle_adds_no_parameter(tmp_path):
     """1.5708 is no right angle, and its torques are those of the file all the same."""
     exact = arm(tmp_path, repr(np.pi / 2))

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from fixtures.random_robots import motions
 from numpy.testing import assert_allclose
 
 from frictionid.mechanics import double_pendulum, urdf
@@ -27,15 +26,6 @@ def both(tmp_path):
     path = tmp_path / "pendulum.urdf"
     path.write_text(URDF.format(**v, **J))
     return double_pendulum().with_values(v), urdf(path)
-
-
-def test_terms_and_derivatives_are_the_same(both):
-    q, w, a = motions(np.random.default_rng(0), (100, 2))
-    ours, theirs = (
-        (*m.terms(m.base({}), q, w), *m.partials(m.base({}), q, w, a)[:2]) for m in both
-    )
-    for one, other in zip(ours, theirs, strict=True):
-        assert_allclose(one, other, atol=1e-12)
 
 
 def test_drawings_are_the_same(both):

@@ -73,28 +73,6 @@ def test_partial_derivatives_agree_with_pinocchio(case):
     assert close(times(by_p, p), theirs(model, pin.rnea, q, w, a))
 
 
-def test_terms_agree_with_mujoco(case):
-    mujoco = pytest.importorskip("mujoco", reason="the test extra installs it")
-    mechanism, _, p, q, w, _, text, _ = case
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    at = [int(model.joint(name).qposadr[0]) for name in mechanism.joints]
-    M, h = mechanism.dynamics(p, q, w)
-    energy = mechanism.terms(p, q, w).energy
-    constant = None
-    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-    for k in range(COUNT):
-        data.qpos[at], data.qvel[at] = q[k], w[k]
-        mujoco.mj_forward(model, data)
-        full = np.zeros((mechanism.n, mechanism.n))
-        for column, unit in zip(full, np.eye(mechanism.n), strict=True):
-            mujoco.mj_mulM(model, data, column, unit)
-        assert close(M[k], full[np.ix_(at, at)])
-        assert close(h[k], -data.qfrc_bias[at])
-        constant = energy[k] - data.energy.sum() if constant is None else constant
-        assert close(energy[k], data.energy.sum() + constant)
-
-
 def test_a_robot_in_mjcf_is_the_one_in_urdf(case, tmp_path):
     mechanism, _, p, q, w, a, text, _ = case
     path = tmp_path / "robot.xml"
