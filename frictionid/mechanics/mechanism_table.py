@@ -50,14 +50,13 @@ def mechanism_of(table: Mapping[str, Any], code: Code | None = None) -> Mechanis
     tables = ("kind", "parameters", "tolerances")
     options = {key: value for key, value in table.items() if key not in tables}
     mechanism = _built(build, kind, options)
-    parameters = table.get("parameters", {})
-    if not isinstance(parameters, Mapping):
-        raise InputError(f"[mechanism] parameters = {parameters!r} must be a table: name = number")
-    tolerances = table.get("tolerances", {})
-    if not isinstance(tolerances, Mapping):
-        raise InputError(f"[mechanism] tolerances = {tolerances!r} must be a table: name = percent")
-    mechanism = replace(mechanism, kind=kind, options=options).with_values(parameters)
-    return replace(mechanism, tolerances=tolerances)
+    for name, what in (("parameters", "number"), ("tolerances", "percent")):
+        entries = table.get(name, {})
+        if not isinstance(entries, Mapping):
+            raise InputError(f"[mechanism] {name} = {entries!r} must be a table: name = {what}")
+    mechanism = replace(mechanism, kind=kind, options=options)
+    mechanism = mechanism.with_values(table.get("parameters", {}))
+    return replace(mechanism, tolerances=table.get("tolerances", {}))
 
 
 def as_mechanism(mechanism: Any) -> Mechanism:
@@ -128,8 +127,6 @@ def _built(build: Callable[..., Mechanism], kind: str, options: Mapping[str, Any
         if ":" in kind:
             said = f"{kind!r} failed, {type(error).__name__}: {error}"
             raise InputError(f"[mechanism] {said}") from error
-        if isinstance(error, ValueError):
-            raise InputError(f"[mechanism] {error}") from None
         raise
     if not isinstance(mechanism, Mechanism):
         raise InputError(

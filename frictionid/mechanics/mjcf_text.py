@@ -13,7 +13,7 @@ from frictionid.errors import InputError
 
 from .description import Body, Description, Expression
 from .mechanism import Mechanism
-from .rigid_body.kinematics import placements
+from .rigid_body.kinematics import frames
 from .rigid_body.rigid_body_tree import RigidBodyTree
 from .rigid_body.robot import Tree, matrix_of, moved
 from .symbolic import SymbolicMechanism
@@ -107,10 +107,8 @@ def _number(e: Expression, numbers: Mapping[sp.Symbol, float]) -> float:
 
 
 def _part(body: Body, d: Description, numbers: Mapping[sp.Symbol, float]) -> _Part:
-    x, y, angle = (_put(e, numbers) for e in (body.x, body.y, body.angle))
-    plain = Body(
-        _number(body.mass, numbers), x, y, _number(body.inertia, numbers), angle, body.joint
-    )
+    mass, x, y, inertia, angle = (_put(e, numbers) for e in body[:-1])
+    plain = Body(float(mass), x, y, float(inertia), angle, body.joint)
     moving = x.free_symbols | y.free_symbols | angle.free_symbols
     chain = tuple(j for j, q in enumerate(d.q) if q in moving)
     return _Part(plain, chain, _row(angle, d))
@@ -208,10 +206,8 @@ def _inertia(bodies: Sequence[_Part], turns: Array, pivot: Array) -> Array:
 
 def _check_places(d: Description, tree: Tree, parts: Sequence[_Part], pivots: Array) -> None:
     """Refuse joints that do not move the bodies as the tree's hinges and slides do."""
-    n, rng = tree.n, np.random.default_rng(0)
-    for q in rng.uniform(-1.0, 1.0, (3, n)):
-        R, o, S = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 6))
-        placements.py_func(tree, q, R, o, S)
+    n, positions = tree.n, np.random.default_rng(0).uniform(-1.0, 1.0, (3, tree.n))
+    for q, R, o in zip(positions, *frames(tree, positions), strict=True):
         for part in (p for p in parts if p.link >= 0):
             place, j = (part.body.x, part.body.y), part.link
             arm = _in_space(_at(place, d, np.zeros(n)) - pivots[j])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures.random_robots import mechanism as robot
 from fixtures.steps import looped
+from test_compiled_step import LAWS, MECHANISMS
 
 from frictionid.dynamics.state import State
 from frictionid.dynamics.tangent import end_states as sensitivities
@@ -14,42 +15,33 @@ from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.friction import Friction, Inputs
 from frictionid.friction import laws as known
 from frictionid.friction.coordinates import at_places
-from frictionid.mechanics import acrobot, double_pendulum, pendulum
+from frictionid.mechanics import acrobot, double_pendulum
 
 COUNT, PIECES, FINE, TORQUES = 240, 2, 6, 2
-STRIBECK = [0.02, 0.03, 0.01, 0.01, 0.5, 0.01]
+SMOOTH = ("a wide smoothing", "motor load", "a film", "bearing load")
+STRIBECK = LAWS["stribeck"][1]
 NETWORK = known.MLP(hidden=(3,))
 CASES = {
-    "acrobot, stribeck": (
-        acrobot(),
-        known.Stribeck(symmetric=False),
-        STRIBECK,
-    ),
-    "pendulum, coulomb": (pendulum(mass=0.5, length=0.3), known.CoulombViscous(), [0.05, 0.01]),
-    "double, wide": (double_pendulum(), known.CoulombViscous(width=0.1), [0.1, 0.02]),
-    "double, motor load": (double_pendulum(), known.MotorLoad(), [0.1, 0.02, 0.1]),
-    "acrobot, lugre": (acrobot(), known.LuGre(), [0.05, 0.03, 1.0, 0.01, 0.02, 0.02, 0.3]),
+    **{f"acrobot, {law}": (acrobot(), *LAWS[law]) for law in ("stribeck", "bristles", "none")},
+    **{f"double, {law}": (double_pendulum(), *LAWS[law]) for law in SMOOTH},
+    "pendulum, coulomb": (MECHANISMS["pendulum"], *LAWS["coulomb"]),
     "double, dahl": (double_pendulum(), known.Dahl(motor_load=True), [0.1, 0.1, 0.05, 0.02]),
-    "double, film": (double_pendulum(), known.FilmLag(), [0.1, 0.05, 0.5, 0.01, 0.05]),
-    "double, load": (double_pendulum(), known.LoadDependent(), [0.05, 0.005, 0.01]),
     "double, coupled": (
         replace(double_pendulum(), coupled=(("both", (1.0, 1.0)),)),
-        known.CoulombViscous(),
-        [0.05, 0.01],
+        *LAWS["coulomb"],
     ),
-    "robot, stribeck": (robot(seed=2, n=4), known.Stribeck(symmetric=False), STRIBECK),
+    "robot, stribeck": (MECHANISMS["robot"], *LAWS["stribeck"]),
     "robot, load": (robot(seed=5, n=3), known.LoadDependent(), [0.3, 0.1, 0.01]),
     "robot, load of coupled gears": (
         replace(robot(seed=5, n=2), coupled=(("both", (1.0, 1.0)),)),
         known.LoadDependent(stribeck=True),
         [0.5, 0.3, 0.5, 0.15, 0.01],
     ),
-    "acrobot, none": (acrobot(), known.NoFriction(), []),
     "acrobot, network": (acrobot(), NETWORK, list(0.1 + np.arange(len(NETWORK.names)) / 40)),
 }
 
 
-LOOPS = ("double, motor load", "double, load", "acrobot, lugre")
+LOOPS = ("double, motor load", "double, bearing load", "acrobot, bristles")
 
 
 @pytest.mark.parametrize(

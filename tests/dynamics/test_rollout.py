@@ -15,7 +15,7 @@ from frictionid.data.state_estimators import Backward
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import adaptive_step
-from frictionid.dynamics.step_size import StepSize, step_size_of
+from frictionid.dynamics.step_size import StepSize
 from frictionid.friction import Friction, Inputs, Nodes, at_rest, memory_along
 from frictionid.friction.laws import (
     CoulombViscous,
@@ -52,21 +52,6 @@ def alone(start, k):
 
 
 # ---------------------------------------------------------------- one motion
-
-
-def test_a_rollout_is_one_step_after_the_other():
-    start, u = starts(np.random.default_rng(1))
-    dt = np.random.default_rng(2).uniform(0.005, 0.03, T)
-    motion = rollout(PLANT, STRIBECK, start, u, dt)
-    most = step_size_of(PLANT, STRIBECK, dt.max())
-    state = start
-    for k in range(T):
-        step_size = most._replace(pieces=int(np.ceil(most.pieces * (dt[k] / dt.max()))))
-        state = adaptive_step(Instant(PLANT, STRIBECK, state, u[k]), dt[k : k + 1], step_size)
-        assert_array_equal(motion.q[k + 1], state.q)
-        assert_array_equal(motion.w[k + 1], state.w)
-    assert_array_equal(motion.q[0], start.q)
-    assert motion.q.shape == motion.w.shape == (T + 1, 7, 2)
 
 
 def test_held_torques_on_an_uneven_clock_are_followed_exactly():
@@ -250,18 +235,6 @@ def test_a_memory_of_samples_advances_by_the_whole_interval(method):
     w = rollout(rotor, friction, start, np.zeros((T, 1)), dt, method=method).w
     z = 1.0 - np.exp(-np.concatenate([[0.0], np.cumsum(dt)[:-1]]) / 0.1)
     assert (1.0 - w[-1, 0]) * inertia / gain == pytest.approx((z * dt).sum(), rel=1e-3)
-
-
-def test_a_continuous_memory_along_a_motion_comes_near_that_of_the_prediction():
-    start, u = starts(np.random.default_rng(18), 1)
-    fine = rollout(
-        PLANT, FILM, alone(start, 0), np.repeat(u[:, 0], 20, axis=0), np.full(20 * T, 1 / 1200)
-    )
-    x = Inputs(fine.q, fine.w, 0 * fine.q, 0 * fine.q)
-    every = memory_along(FILM, Nodes(x, np.arange(20 * T + 1) / 1200, np.array([0, 20 * T + 1])))
-    begin = State(fine.q[160], fine.w[160], (every[160][0][0],))
-    rest = rollout(PLANT, FILM, begin, u[8:, 0], EVEN[8:])
-    assert_allclose(rest.q[-1], fine.q[-1], rtol=0, atol=1e-3)
 
 
 # ---------------------------------------------------------------- tensors

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from fixtures.memory_laws import Sampled
 from fixtures.refusals import assert_refused
 from fixtures.steps import step, substeps
 from numpy.testing import assert_allclose, assert_array_equal
@@ -159,14 +158,6 @@ def test_memory_makes_the_step_one_of_second_order():
     slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert slope == pytest.approx(2, abs=0.2)
     assert errors[-1] < 2e-4
-
-
-def test_sampled_memory_waits_for_the_next_sample():
-    friction = Friction(Sampled(), np.array([[0.2], [0.1]]))
-    begin = State(np.ones(2), np.ones(2), (np.zeros(2), np.ones(2), np.full(2, 2.0)))
-    now, dt = Instant(CASES["double"].plant, friction, begin, np.zeros(2)), np.array([0.1])
-    for end in (euler_step(now, dt), semi_implicit_step(now, dt), step(*now, dt, 9)):
-        assert end.memory is begin.memory
 
 
 # ---------------------------------------------------------------- how many substeps

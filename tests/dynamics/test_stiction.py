@@ -67,27 +67,6 @@ def test_coulomb_friction_stops_a_rotor_when_and_where_it_should(speed, share, s
     assert side * motion.q[-1, 0] == pytest.approx(speed**2 / 2 / slowing, rel=5e-4)
 
 
-class Unheld(CoulombViscous):
-    """The smoothed law alone, as if friction had no level at rest."""
-
-    def torque(self, theta, x, memory):
-        return CoulombViscous(self.width).torque(theta, x, memory)
-
-    def limit(self, theta, x, memory):
-        return 0.0 * (theta[..., 0] + x.w)
-
-
-@pytest.mark.parametrize("speed", [0.0, 1e-6, 1e-3, 0.02])
-def test_no_joint_creeps_below_break_away_where_the_smoothed_law_alone_does(speed):
-    u = np.full((120, 1), 0.09)
-    begin, dt = State(np.zeros(1), np.array([speed])), np.full(120, 1 / 60)
-    alone = rollout(ROTOR, Friction(Unheld(), np.array([[0.1, 0.0]])), begin, u, dt)
-    assert alone.w[-1, 0] == pytest.approx(0.02 * np.arctanh(0.9), rel=1e-6)  # 0.03 rad/s
-    motion = rollout(ROTOR, coulomb(0.1), begin, u, dt)
-    assert motion.w[-1, 0] == 0.0
-    assert motion.q[-1, 0] == pytest.approx(speed**2 / 2 * INERTIA / 0.01, rel=1e-6, abs=1e-15)
-
-
 def slide_and_stick(plant, level, q, w):
     """Angle at which a pendulum with set-valued Coulomb friction comes to rest, slide by slide."""
     inertia, gravity = plant.p
@@ -139,21 +118,6 @@ def test_two_joints_stay_while_both_loads_are_below_and_each_breaks_away_on_its_
     assert_array_equal(moved[:2, 1], 0.0)
     assert_array_equal(moved[2:, 0], 0.0)
     assert (moved[:2, 0] * [1, -1] > 0).all() and (moved[2:, 1] * [1, -1] > 0).all()
-
-
-def test_joints_stick_together_as_enumeration_says():
-    rng = np.random.default_rng(2)
-    level = np.array([0.3, 0.1])
-    q = rng.uniform(-np.pi, np.pi, (400, 2))
-    M, h = DOUBLE.dynamics(q, 0 * q)
-    load = rng.uniform(-2.0, 2.0, (400, 2)) * level
-    balances = (Balance(*pair, 0 * level, level, level) for pair in zip(M, load, strict=True))
-    expected = np.array([held_by_cases(one)[1] for one in balances])
-    begin = State(q, np.zeros_like(q))
-    end = step(DOUBLE, coulomb(*level), begin, load - h, np.array([1e-5]), 1)
-    assert_array_equal(end.w == 0.0, expected)
-    coupled = (np.abs(load) < level) & ~expected  # moved by the other joint only
-    assert coupled.any() and expected.all(axis=1).any()
 
 
 def test_a_motion_that_has_diverged_does_not_end_the_search_of_others():

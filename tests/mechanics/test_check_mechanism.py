@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from fixtures.cart_poles import cart_pole
 from fixtures.mistakes import changes, mistakes
 from fixtures.random_machines import MECHANISMS, wrapped
 
@@ -11,19 +12,27 @@ from frictionid.mechanics import (
     acrobot,
     check_mechanism,
     linear_axis,
+    two_mass_axis,
     unit_inertia,
 )
 
-ALL = {**MECHANISMS, "linear_axis": linear_axis(), "unit": unit_inertia(("m", "rad"))}
+MASSES = dict(motor_inertia=0.01, load_inertia=0.04, stiffness=80.0)
+ALL = {
+    **MECHANISMS,
+    "linear_axis": linear_axis(),
+    "unit": unit_inertia(("m", "rad")),
+    "wrapped": wrapped(acrobot()),
+    "cart-pole": cart_pole(),
+    "another cart-pole": cart_pole().with_values({"cart": 2.0, "length": 0.1}),
+}
+for gap in (0.0, 0.02):
+    ALL |= {f"two_mass_axis, {gap}": two_mass_axis(gap=gap, **MASSES)}
+    ALL |= {f"hanging, {gap}": two_mass_axis(True, gap, **MASSES, moment=2.0)}
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_built_in_mechanisms_keep_to_the_protocol(name):
+def test_mechanisms_keep_to_the_protocol(name):
     check_mechanism(ALL[name])
-
-
-def test_a_wrapped_mechanism_passes():
-    check_mechanism(wrapped(acrobot()))
 
 
 PARTS = """

@@ -8,16 +8,10 @@ from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 
 from frictionid.mechanics import (
-    Base,
-    Body,
-    Description,
-    Parameter,
-    SymbolicMechanism,
     acrobot,
     mechanism_of,
     pendulum,
 )
-from frictionid.mechanics.description import equations_of_motion
 from frictionid.mechanics.symbolic import scalar_code
 
 # ---------------------------------------------------------------- [mechanism] tables
@@ -145,37 +139,3 @@ def test_scalar_code_shares_what_repeats():
     out = scalar_code([x, y], [sp.sin(x + y) * x, sp.sin(x + y) * y])(Counting, 1.0, 2.0)
     assert calls == [3.0]
     assert out == (np.sin(3.0), 2.0 * np.sin(3.0))
-
-
-def description(base):
-    """A wheel on a spring-less axle, hung up off its centre, with the base parameters given."""
-    q, m, r, J, g = sp.symbols("q m r J g")
-    table = (("m", 1.0, "kg"), ("r", 1.0, "m"), ("J", 1.0, "kg m^2"), ("g", 9.81, "m/s^2"))
-    return Description(
-        kind="wheel",
-        joints=("axle",),
-        q=(q,),
-        gravity=g,
-        parameters=tuple(Parameter(s, d, unit, s) for s, d, unit in table),
-        bodies=(Body(m, r * sp.sin(q), -r * sp.cos(q), J, q, 0),),
-        rotors=(),
-        driven=(True,),
-        base=base,
-    )
-
-
-def test_a_mechanism_of_ones_own_needs_only_a_description():
-    m, r, J, g = sp.symbols("m r J g")
-    base = (Base("inertia", 2 * (J + m * r**2), "kg m^2"), Base("gravity", -m * g * r, "N m"))
-    wheel = SymbolicMechanism.from_description(description(base))
-    t = wheel.terms(wheel.base({"J": 0.5}), np.array([0.3]), np.array([2.0]))
-    assert t.M[0, 0] == pytest.approx(1.5)  # factors of a base parameter are taken care of
-    assert t.h[0] == pytest.approx(-9.81 * np.sin(0.3))
-    assert t.energy == pytest.approx(0.5 * 1.5 * 4.0 - 9.81 * np.cos(0.3))
-
-
-def test_a_description_whose_base_parameters_do_not_suffice_is_refused():
-    m, r, J = sp.symbols("m r J")
-    base = (Base("inertia", J + m * r**2, "kg m^2"),)
-    with pytest.raises(ValueError, match=r"wheel: the coefficient .* \(inertia\): add one to"):
-        equations_of_motion(description(base))

@@ -9,11 +9,10 @@ from frictionid.data.integrals import integrals_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.fitting.one_step.residual import one_step_problem
-from frictionid.mechanics import Plant, double_pendulum, pendulum
+from frictionid.mechanics import Plant, pendulum
 from frictionid.mechanics.plant import (
     interval_mean,
     interval_stencil,
-    momentum_balance,
     with_midpoints,
 )
 
@@ -27,19 +26,6 @@ def test_midpoints_and_means_of_cubic_motions_are_exact():
     assert_allclose(velocity, 2 - 2 * t + 3 * t**2, atol=1e-14)
     travelled = interval_mean(velocity, interval_stencil(4)) * np.diff(time, axis=0)
     assert_allclose(travelled, np.diff(q, axis=0), atol=1e-14)
-
-
-def test_the_balance_is_linear_in_the_base_parameters():
-    machine = double_pendulum()
-    p = Plant.from_parameters(machine, {}).p
-    rng = np.random.default_rng(0)
-    time, (q, w) = np.cumsum(rng.uniform(0.01, 0.03, 30)), rng.normal(size=(2, 30, 2))
-    _, q, w = with_midpoints(time, q, 3 * w)
-    stencil = interval_stencil(30)
-    units = np.eye(len(p))[:, None]
-    whole = momentum_balance(machine.terms(p, q, w), stencil)
-    for one, each in zip(whole, momentum_balance(machine.terms(units, q, w), stencil), strict=True):
-        assert_allclose(np.moveaxis(each, 0, -1) @ p, one, atol=1e-10)
 
 
 @pytest.mark.parametrize("hold", ["linear", "previous"])

@@ -60,10 +60,18 @@ def end_states(
     """
     many = are_many(len(motor.u) * len(dt), COMPILED, start.q.shape[-1])
     machine = tangent_machine_of(model) if many else None
-    if machine is not None:
+    if machine is None:
+        state, T = _on_arrays(model, start, motor, dt, parts)
+    else:
         state, T = end_states_of(machine, model, start, motor, dt, parts)
-        size = T.shape[1]
-        return EndStates(state.q, state.w, state.memory, T[..., :size], T[..., size:])
+    size = T.shape[1]
+    return EndStates(state.q, state.w, state.memory, T[..., :size], T[..., size:])
+
+
+def _on_arrays(
+    model: MotionModel, start: State, motor: MotorTorque, dt: Array, parts: int
+) -> tuple[State, Array]:
+    """End states (K, n), and their derivatives (K, s, D)."""
     state = State(start.q.copy(), start.w.copy(), tuple(z.copy() for z in start.memory))
     size = 2 * start.q.shape[-1] + sum(z.shape[-1] for z in start.memory)
     T = np.zeros((len(dt), size, size + model.directions + motor.by.shape[1]))
@@ -80,7 +88,7 @@ def end_states(
         return again
 
     advance_in_pieces(advance, motor, dt, parts)
-    return EndStates(state.q, state.w, state.memory, T[..., :size], T[..., size:])
+    return state, T
 
 
 def _arrays(state: State) -> tuple[Array, ...]:

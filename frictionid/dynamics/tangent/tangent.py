@@ -90,7 +90,8 @@ class MotorTorque(NamedTuple):
 
     def part(self, rows: Array, pieces: slice | Array) -> MotorTorque:
         """The torque of some intervals in some pieces."""
-        return MotorTorque(*(x[pieces][..., rows, :] for x in self[:4]))
+        u, by, moment, moment_by = (x[pieces][..., rows, :] for x in self[:4])
+        return MotorTorque(u, by, moment, moment_by)
 
     def as_one(self, dt: Array) -> MotorTorque:
         """The torque of all pieces of dt (K,) [s] as that of one."""

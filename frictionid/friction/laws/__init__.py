@@ -9,8 +9,7 @@ from .external import TorchModule
 from .levels import NoFriction
 from .library import Library
 from .load import GearLoad, LoadDependent, MotorLoad
-from .lstm import LSTM
-from .mlp import MLP, WindowMLP
+from .mlp import LSTM, MLP, WindowMLP
 from .play import Play
 from .relaxing import Dahl, FilmLag, LuGre
 from .ripple import Ripple

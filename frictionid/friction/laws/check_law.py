@@ -38,70 +38,60 @@ def check_law(law: Law, *, level: bool = True) -> None:
     >>> from frictionid.friction.laws import CoulombViscous
     >>> check_law(CoulombViscous())
     """
-    _check_description(law)
+    _require(law, _description(law))
+    _check_identity(law)
     for n in (1, 2):
         theta, x = _theta(law, n), _inputs(n)
-        _check_inputs_stay(law, theta, x)
-        _check_batches(law, theta, x)
-        _check_load(law, theta, x)
-        _check_limit(law, theta, x)
+        for rules in (_fixed_inputs, _batches, _load, _limit):
+            _require(law, rules(law, theta, x))
         if not law.has_memory:
-            _check_gradient(law, theta, x)
+            _require(law, _gradient(law, theta, x))
             if level:
                 _check_level(law, theta, x)
         elif law.reads_window:
-            _check_window(law, theta, x)
+            _require(law, _window(law, theta, x))
 
 
-def _require(holds: Any, law: Law, rule: str) -> None:
-    if not holds:
-        raise AssertionError(f"{law}: {rule}")
+Rules = Iterator[tuple[Any, str]]  # whether each holds, and what it says
 
 
-def _check_description(law: Law) -> None:
-    _require(
-        isinstance(law, Law),
-        law,
-        "it must subclass frictionid.friction.Law, which declares how laws are treated",
-    )
+def _require(law: Law, rules: Rules) -> None:
+    for holds, rule in rules:
+        if not holds:
+            raise AssertionError(f"{law}: {rule}")
+
+
+def _description(law: Law) -> Rules:
+    """Entries fit together; what steers how a law is treated is declared so that it has effect."""
+    rule = "it must subclass frictionid.friction.Law, which declares how laws are treated"
+    yield isinstance(law, Law), rule
     P = len(law.names)
-    _require(len(set(law.names)) == P, law, f"names must differ, they are {law.names}")
+    yield len(set(law.names)) == P, f"names must differ, they are {law.names}"
     for name in ("units", "bounds"):
         count = len(getattr(law, name))
-        _require(
-            count == P, law, f"{name} needs {P} entries, one for each of names; it has {count}"
-        )
+        yield count == P, f"{name} needs {P} entries, one for each of names; it has {count}"
     for name, (low, high) in zip(law.names, law.bounds, strict=True):
-        _require(low < high, law, f"bounds of {name} must increase, they are ({low}, {high})")
-    _require(len(law.initial) > 0, law, "initial needs at least one start")
+        yield low < high, f"bounds of {name} must increase, they are ({low}, {high})"
+    yield len(law.initial) > 0, "initial needs at least one start"
     for start in law.initial:
-        _require(len(start) == P, law, f"each start in initial needs {P} values; one is {start}")
+        yield len(start) == P, f"each start in initial needs {P} values; one is {start}"
         for name, value, (low, high) in zip(law.names, start, law.bounds, strict=True):
             inside = low <= value <= high and np.isfinite(value)
-            _require(inside, law, f"initial {name} = {value} must lie in its bounds {(low, high)}")
-    _require(isinstance(law.uses_load, bool), law, "uses_load must be True or False")
+            yield inside, f"initial {name} = {value} must lie in its bounds {(low, high)}"
+    yield isinstance(law.uses_load, bool), "uses_load must be True or False"
     sampled = law.sample_time
-    _require(sampled is None or sampled > 0, law, "sample_time must be None, or positive [s]")
-    _check_declarations(law)
-    _check_identity(law)
-
-
-def _check_declarations(law: Law) -> None:
-    """What steers how a law is treated is declared in a way that has this effect."""
+    yield sampled is None or sampled > 0, "sample_time must be None, or positive [s]"
     width, shape = law.width, law.shape
     narrowed = width == 0 or shape != "tanh" or "width" in {field.name for field in fields(law)}
     rule = 'must be a field, by which the physics step narrows it (or shape = "", if it must not)'
-    _require(narrowed, law, f"width {rule}")
-    few = law.has_gradient or law.is_network or len(law.names) <= _FEW
-    _require(
-        few,
-        law,
-        f"{len(law.names)} parameters need a gradient, or is_network = True: shooting then refines "
-        "combinations of them that the motion shows, else each by itself",
+    yield narrowed, f"width {rule}"
+    few = law.has_gradient or law.is_network or P <= _FEW
+    rule = (
+        f"{P} parameters need a gradient, or is_network = True: shooting then refines "
+        "combinations of them that the motion shows, else each by itself"
     )
-    _require(
-        law.has_gradient or not law.is_sparse, law, "is_sparse is True, so it needs a gradient"
-    )
+    yield few, rule
+    yield law.has_gradient or not law.is_sparse, "is_sparse is True, so it needs a gradient"
 
 
 def _check_identity(law: Law) -> None:
@@ -109,7 +99,8 @@ def _check_identity(law: Law) -> None:
         copy = pickle.loads(pickle.dumps(law))
     except Exception as error:
         raise AssertionError(f"{law}: it must pickle ({error}): define it in a module") from None
-    _require(repr(copy) == repr(law), law, "repr must say its settings: results are known by it")
+    if repr(copy) != repr(law):
+        raise AssertionError(f"{law}: repr must say its settings: results are known by it")
 
 
 def _theta(law: Law, n: int) -> Array:
@@ -134,10 +125,10 @@ def _values(law: Law, theta: Array, x: Inputs) -> Iterator[tuple[str, Array]]:
     memory = law.start(theta, x)
     dt = np.full((1,), law.sample_time or 0.01)
     later = law.advance(theta, x, memory, dt)
-    _require(isinstance(memory, tuple), law, "start must give a tuple, () for a static law")
-    _require(
-        len(later) == len(memory), law, "advance must keep the number of entries of the memory"
-    )
+    if not isinstance(memory, tuple):
+        raise AssertionError(f"{law}: start must give a tuple, () for a static law")
+    if len(later) != len(memory):
+        raise AssertionError(f"{law}: advance must keep the number of entries of the memory")
     yield from ((f"entry {i} of start", value) for i, value in enumerate(memory))
     yield from ((f"entry {i} of advance", value) for i, value in enumerate(later))
     yield "torque", law.torque(theta, x, memory)
@@ -148,7 +139,7 @@ def _values(law: Law, theta: Array, x: Inputs) -> Iterator[tuple[str, Array]]:
         yield "gradient", law.gradient(theta, x)
 
 
-def _check_batches(law: Law, theta: Array, x: Inputs) -> None:
+def _batches(law: Law, theta: Array, x: Inputs) -> Rules:
     """Batches (3, 1) of theta against (8,) of x are (3, 8), and each entry is what it is alone."""
     together = dict(_values(law, theta, x))
     V, n = x.w.shape
@@ -158,14 +149,12 @@ def _check_batches(law: Law, theta: Array, x: Inputs) -> None:
             last = (n, len(law.names)) if name == "gradient" else (n,)
             alone = _shaped(law, name, value, last)
             full = _shaped(law, f"{name} of batches", together[name], (_DRAWS, V, *last))
-            _require(np.isfinite(alone).all(), law, f"{name} must be finite, it is {value}")
+            yield np.isfinite(alone).all(), f"{name} must be finite, it is {value}"
             close = np.allclose(full[b, v], alone, rtol=1e-9, atol=_ROUNDING)
-            _require(close, law, f"{name} of a point must not depend on the others in its batch")
+            yield close, f"{name} of a point must not depend on the others in its batch"
     shape, actual = (_DRAWS, V, n), np.shape(together["torque"])
-    static = not law.start(theta, x)
-    _require(
-        not static or actual == shape, law, f"torque must have the shape {shape}, not {actual}"
-    )
+    right = actual == shape or law.start(theta, x)
+    yield right, f"torque must have the shape {shape}, not {actual}"
 
 
 def _shaped(law: Law, name: str, value: Array, shape: tuple[int, ...]) -> Array:
@@ -180,46 +169,44 @@ def _present(x: Inputs) -> list[Array]:
     return [a for a in x if a is not None]
 
 
-def _check_inputs_stay(law: Law, theta: Array, x: Inputs) -> None:
+def _fixed_inputs(law: Law, theta: Array, x: Inputs) -> Rules:
     before = [theta.copy(), *(np.copy(a) for a in _present(x))]
     first = dict(_values(law, theta, x))
     second = dict(_values(law, theta, x))
     same = all(np.array_equal(a, b) for a, b in zip(before, (theta, *_present(x)), strict=True))
-    _require(same, law, "its methods must not change theta or the inputs")
+    yield same, "its methods must not change theta or the inputs"
     again = all(np.array_equal(first[name], second[name]) for name in first)
-    _require(again, law, "the same numbers must give the same torque: a law holds none of its own")
+    yield again, "the same numbers must give the same torque: a law holds none of its own"
 
 
-def _check_load(law: Law, theta: Array, x: Inputs) -> None:
-    if law.uses_load:
-        return
+def _load(law: Law, theta: Array, x: Inputs) -> Rules:
     other = dict(_values(law, theta, x._replace(load=2.0 * x.load + 1.0)))
     same = all(np.array_equal(value, other[name]) for name, value in _values(law, theta, x))
-    _require(same, law, "uses_load is False, so nothing may depend on the load")
+    yield same or law.uses_load, "uses_load is False, so nothing may depend on the load"
 
 
-def _check_limit(law: Law, theta: Array, x: Inputs) -> None:
+def _limit(law: Law, theta: Array, x: Inputs) -> Rules:
     # a torque of the position, as cogging, is more to one side and less to the other
     others = dict(_values(law, theta, x._replace(w=-x.w)))
     for name, value in _values(law, theta, x):
         if name.startswith("limit"):
             least = np.min(value + others[name]) / 2
-            _require(least >= 0, law, f"{name} must not be negative, it is {least}")
+            yield least >= 0, f"{name} must not be negative, it is {least}"
     memory = law.start(theta, x)
     for sign in (1.0, -1.0):
         slow, fast = (x._replace(w=sign * speed + 0.0 * x.w) for speed in (1.0, 2.0))
         same = np.array_equal(law.limit(theta, slow, memory), law.limit(theta, fast, memory))
-        _require(same, law, "limit must not depend on the speed, only on the sign of x.w")
+        yield same, "limit must not depend on the speed, only on the sign of x.w"
 
 
-def _check_window(law: Law, theta: Array, x: Inputs) -> None:
+def _window(law: Law, theta: Array, x: Inputs) -> Rules:
     memory = law.start(theta, x)
     later = (law.advance(t, x, memory, np.full((1,), 0.01)) for t in (theta, theta[::-1]))
     same = all(np.array_equal(a, b) for a, b in zip(*later, strict=True))
-    _require(same, law, "reads_window is True, so its memory must not depend on theta")
+    yield same, "reads_window is True, so its memory must not depend on theta"
 
 
-def _check_gradient(law: Law, theta: Array, x: Inputs) -> None:
+def _gradient(law: Law, theta: Array, x: Inputs) -> Rules:
     """Where there is a gradient, it is the slope of the torque in each parameter."""
     if not law.has_gradient:
         return
@@ -233,11 +220,11 @@ def _check_gradient(law: Law, theta: Array, x: Inputs) -> None:
         slope = rise / (2 * step[..., i])
         error = np.abs(gradient[..., i] - slope).max()
         close = error <= 1e-5 * max(np.abs(slope).max(), 1.0)
-        _require(close, law, f"gradient by {name} is {error:.2g} off the slope of its torque")
+        yield close, f"gradient by {name} is {error:.2g} off the slope of its torque"
     if law.is_sparse:
         sums = (gradient * theta).sum(-1)
         close = np.allclose(sums, law.torque(theta, x, ()), rtol=1e-9, atol=_ROUNDING)
-        _require(close, law, "is_sparse is True, so the torque must be gradient times theta")
+        yield close, "is_sparse is True, so the torque must be gradient times theta"
 
 
 def _check_level(law: Law, theta: Array, x: Inputs) -> None:
@@ -246,7 +233,7 @@ def _check_level(law: Law, theta: Array, x: Inputs) -> None:
         narrow, speed, tolerance = law.with_width(_NARROW), _CREEP, 0.01
     else:
         narrow, speed, tolerance = law, _SLOW, 0.25
-        _check_smoothing(law, theta, x)
+        _require(law, _smoothing(law, theta, x))
 
     def torque(w: float) -> Array:
         return narrow.torque(theta, x._replace(w=w + 0.0 * x.w), ())
@@ -262,15 +249,12 @@ def _check_level(law: Law, theta: Array, x: Inputs) -> None:
             raise AssertionError(f"{law}: {rule}")
 
 
-def _check_smoothing(law: Law, theta: Array, x: Inputs) -> None:
+def _smoothing(law: Law, theta: Array, x: Inputs) -> Rules:
     """A law without a width has its break-away level at any speed but zero."""
-    if law.width:
-        return
     creep = np.abs(law.torque(theta, x._replace(w=_CREEP + 0.0 * x.w), ()))
     limit = law.limit(theta, x._replace(w=1.0 + 0.0 * x.w), ())
-    _require(
-        (creep >= 0.9 * limit).all(),
-        law,
+    rule = (
         "its torque is smoothed at rest, but declares no width [rad/s]: the physics step takes "
-        "the smoothing for a part of friction",
+        "the smoothing for a part of friction"
     )
+    yield law.width or (creep >= 0.9 * limit).all(), rule

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.programs.loops import inlined
 
 
@@ -96,6 +97,15 @@ def placements(tree: Any, q: Any, R: Any, o: Any, S: Any) -> None:
             S[i, 3] = o[i, 1] * z2 - o[i, 2] * z1
             S[i, 4] = o[i, 2] * z0 - o[i, 0] * z2
             S[i, 5] = o[i, 0] * z1 - o[i, 1] * z0
+
+
+def frames(tree: Any, q: Array) -> tuple[Array, Array]:
+    """Frames (K, n, 3, 3) and origins (K, n, 3) of the bodies at positions (K, n)."""
+    K, n = q.shape
+    R, o, S = np.empty((K, n, 3, 3)), np.empty((K, n, 3)), np.empty((n, 6))
+    for k in range(K):
+        placements.py_func(tree, q[k], R[k], o[k], S)
+    return R, o
 
 
 @inlined

@@ -24,7 +24,7 @@ from frictionid.mechanics.rigid_body import loops
 from ..mechanism import Mechanism, Parameter, Partials, Terms
 from ..plant import base_motion_of, side_by_side, with_base_motion
 from .base_parameters import BaseParameters, geometry
-from .kinematics import placements
+from .kinematics import frames
 from .loops import Geometry
 from .robot import MOMENTS, UPPER, Attached, Tree, matrix_of, moved
 
@@ -103,7 +103,7 @@ class RigidBodyTree(Mechanism):
         In the frame of the base, z upwards as in URDF; bodies that lie alone end a line.
         """
         q = np.asarray(q, dtype=float)
-        turns, places = self._frames(q.reshape(-1, self.n))
+        turns, places = frames(self.tree, q.reshape(-1, self.n))
         nothing, base = np.full((len(places), 3), np.nan), np.zeros((len(places), 3))
         out: list[Array] = []
         for leaf in sorted(set(range(self.n)) - {int(p) for p in self.tree.parent}):
@@ -116,14 +116,6 @@ class RigidBodyTree(Mechanism):
                 joint = int(self.tree.parent[joint])
             out += [*([nothing] if out else []), base, *chain[::-1]]
         return np.stack(out, axis=1).reshape(*q.shape[:-1], -1, 3)
-
-    def _frames(self, q: Array) -> tuple[Array, Array]:
-        """Frames (K, n, 3, 3) and origins (K, n, 3) of the bodies at positions (K, n)."""
-        tree, (K, n) = self.tree, q.shape
-        R, o, S = np.empty((K, n, 3, 3)), np.empty((K, n, 3)), np.empty((n, 6))
-        for k in range(K):
-            placements.py_func(tree, q[k], R[k], o[k], S)
-        return R, o
 
     loads_of_gears: ClassVar[bool] = True
 

@@ -143,22 +143,6 @@ def test_at_constant_speed_a_memory_does_not_show(law, plain):
     assert_allclose(Friction(law, theta).curve(w), expected, rtol=1e-9)
 
 
-def test_curves_at_high_and_low_speed_are_the_levels_that_the_names_say():
-    theta = np.array([[0.5, 0.25, 2.0, 0.01]])
-    curve = Friction(Stribeck(width=1e-6), theta).curve(np.array([-50.0, -1e-3, 1e-3, 50.0]))
-    assert_allclose(curve[:, 0], [-1.0, -0.75, 0.75, 1.0], rtol=1e-4)
-    theta = np.array([[0.5, 0.4, 0.25, 0.1, 2.0, 0.01]])
-    curve = Friction(Stribeck(width=1e-6, symmetric=False), theta).curve(
-        np.array([-50.0, -1e-3, 1e-3, 50])
-    )
-    assert_allclose(curve[:, 0], [-0.9, -0.5, 0.75, 1.0], rtol=1e-4)
-
-
-def test_the_peak_falls_to_exp_minus_one_at_the_stribeck_velocity():
-    theta = np.array([[0.0, 1.0, 2.0, 0.0]])
-    assert Friction(Stribeck(), theta).curve(np.array([2.0]))[0, 0] == pytest.approx(np.exp(-1))
-
-
 def test_the_smoothing_is_written_in_rad_per_second():
     for shape, value in (("tanh", np.tanh(1.0)), ("arctan", 0.5)):
         law = CoulombViscous(width=0.3, shape=shape)

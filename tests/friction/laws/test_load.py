@@ -19,8 +19,6 @@ from frictionid.friction.laws import (
 )
 from frictionid.mechanics import Plant, pendulum
 
-MOTOR = np.array([[0.01, 0.005, 0.3]])
-
 
 def test_the_gear_passes_on_less_when_driving_and_holds_more_when_braking():
     law = MotorLoad()
@@ -29,17 +27,6 @@ def test_the_gear_passes_on_less_when_driving_and_holds_more_when_braking():
         x = Inputs(0 * fast, sign * fast, np.array([[0.2]]), 0 * fast)
         share = 0.2 - law.torque(np.array([[0.0, 0.0, 0.3]]), x, ())
         assert_allclose(share, 0.2 * passed)
-
-
-def test_a_fit_finds_the_truth_and_plain_coulomb_friction_is_biased():
-    rng = np.random.default_rng(3)
-    w, u = rng.normal(scale=3.0, size=(400, 1)), rng.normal(scale=0.3, size=(400, 1))
-    x = Inputs(0.0 * w, w, u, 0.0 * w)
-    problem, weights = along_inputs(Friction(MotorLoad(), MOTOR), x), np.ones((1, 400))
-    found = LeastSquares(MotorLoad()).fit(problem, weights, 0)
-    assert_allclose(found.theta[0], MOTOR, rtol=1e-5)
-    plain = LeastSquares(CoulombViscous()).fit(problem, weights, 0)
-    assert plain.theta[0, 0, 0] > 5 * MOTOR[0, 0]
 
 
 BEARING = np.array([[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]])

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
-from fixtures.steps import step, substeps
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.dynamics.rollout import rollout
@@ -128,20 +127,6 @@ def test_lugre_friction_is_passive_with_the_energy_of_its_bristles_whatever_its_
     bending = w - stiffness * np.abs(w) * z / level
     constant = stiffness * z + theta[..., 5] * bending + theta[..., 3] * w
     assert taken(theta, w, z, constant).min() < -0.1  # the law as it is often written
-
-
-@pytest.mark.parametrize("damping", [0.0, 0.02, 2.0])
-def test_without_input_machine_and_bristles_lose_energy_until_they_rest(damping):
-    friction = Friction(LuGre(), np.array([[0.04, 0.02, 1.5, 0.002, 0.02, damping, 0.5]]))
-    state = State(np.array([[1.0], [-2.5]]), np.array([[0.0], [3.0]]), (np.zeros((2, 1)),))
-    energies, h = [], np.full((2, 1), 1 / 60)
-    count = substeps(PLANT, friction, 1 / 60)
-    for _ in range(180):
-        bristles = 0.06 / 0.02 * state.memory[0][..., 0] ** 2 / 2
-        energies.append(PLANT.terms(state.q, state.w).energy + bristles)
-        state = step(PLANT, friction, state, np.zeros((2, 1)), h, count)
-    assert np.diff(energies, axis=0).max() < 1e-6 * np.ptp(energies)
-    assert np.abs(state.w).max() < (0.3 if damping == 0.0 else 0.02)
 
 
 def test_under_a_load_below_its_level_a_joint_gives_but_does_not_creep():

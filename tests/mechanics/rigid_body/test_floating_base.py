@@ -120,16 +120,6 @@ def test_a_base_at_rest_is_a_fixed_base(case):
     assert len(held.base_names) <= len(mechanism.base_names)
 
 
-def test_acceleration_acts_like_gravity(case):
-    path, mechanism, rng = case
-    q, w, _ = motions(rng, (COUNT, mechanism.n))
-    lifted = with_base_motion(mechanism.base({}), np.r_[np.zeros(6), 3.0, -1.0, 12.0])
-    elsewhere = urdf(path, joints=mechanism.joints, gravity=[-3.0, 1.0, -12.0])
-    elsewhere = elsewhere.with_values(mechanism.values)
-    h = elsewhere.dynamics(elsewhere.base({}), q, w)[1]
-    assert close(mechanism.dynamics(lifted, q, w)[1], h)
-
-
 def test_loads_of_gears_are_those_on_the_moving_base(case):
     _, mechanism, rng = case
     q, w, u = motions(rng, (COUNT, mechanism.n))
