@@ -79,11 +79,13 @@ class Covariance:
         at = np.repeat(np.arange(len(self.values)), [len(p.places) for p in self.parameters])
         if len(at) == len(self.values):
             return self
+        matrix = np.asarray(self.matrix[np.ix_(at, at)])
+        forget(matrix, np.flatnonzero(~np.isfinite(matrix).all(axis=1)))  # also of each other
         return replace(
             self,
             parameters=tuple(single for p in self.parameters for single in p.each),
             values=self.values[at],
-            matrix=_repeated(self.matrix, at),
+            matrix=matrix,
             bound=self.bound[at],
             meaningless=self.meaningless[at],
         )
@@ -120,13 +122,6 @@ class Covariance:
         out = np.repeat(self.values[None], _DRAWS, axis=0)
         out[:, finite] += (normal @ root.T) / np.sqrt(chi)[:, None]
         return out
-
-
-def _repeated(matrix: Array, at: Array) -> Array:
-    """Rows and columns of a covariance at places; what is not known is so by itself."""
-    out = np.asarray(matrix[np.ix_(at, at)])
-    forget(out, np.flatnonzero(~np.isfinite(out).all(axis=1)))
-    return out
 
 
 def forget(matrix: Array, which: Array | list[int]) -> None:
@@ -221,26 +216,22 @@ class Fit:
         network's combinations, whose values mean nothing, are left out: its uncertainty is in its
         bands. Bands reach half as far again as the velocities of the grid (V, n).
         """
-        covariance, unnamed = self.covariance, "friction" if self.friction.law.is_network else ""
+        covariance, friction, w = self.covariance, self.friction, BEYOND * grid
+        unnamed = "friction" if friction.law.is_network else ""
         named = [k for k, p in enumerate(covariance.parameters) if p.block != unnamed]
+        curve = np.stack([friction.curve(w[:, j])[:, j] for j in range(friction.n)], axis=-1)
         return Estimates(
             **vars(self.diagnostics),
             parameters=tuple(_estimates(covariance, dataset, named)),
-            correlation=np.asarray(covariance.correlation)[np.ix_(named, named)],
-            covariance=np.asarray(covariance.matrix)[np.ix_(named, named)],
+            correlation=covariance.correlation[np.ix_(named, named)],
+            covariance=covariance.matrix[np.ix_(named, named)],
             freedom=covariance.freedom,
             clusters=covariance.clusters,
             singular_values=covariance.singular,
             undetermined=covariance.undetermined,
             driven=bool(dataset.actuated.any()),
-            bands=self._bands(BEYOND * grid),
+            bands=Bands(w, curve, *self.bands(w)),
         )
-
-    def _bands(self, w: Array) -> Bands:
-        """Curves (V, n) at velocities w (V, n) with their half-widths."""
-        friction = self.friction
-        curve = np.stack([friction.curve(w[:, j])[:, j] for j in range(friction.n)], axis=-1)
-        return Bands(w, curve, *self.bands(w))
 
 
 def _estimates(
@@ -271,14 +262,14 @@ def _estimates(
 
 def recordings_own(dataset: Dataset) -> Array:
     """What the recordings' own parameters add to the table's base parameters (nb,), on average."""
-    return np.asarray(plant_of(dataset).p).mean(axis=0) - dataset.mechanism.nominal_base
+    return plant_of(dataset).p.mean(axis=0) - dataset.mechanism.nominal_base
 
 
 def own_base(dataset: Dataset, parameters: Mapping[str, float]) -> dict[str, float]:
     """Base parameters under parameters that a model brings, on average over the recordings."""
     if not parameters:
         return {}
-    p = np.asarray(plant_of(dataset, parameters).p).mean(axis=0)
+    p = plant_of(dataset, parameters).p.mean(axis=0)
     return dict(zip(dataset.mechanism.base_names, map(float, p), strict=True))
 
 

@@ -143,7 +143,8 @@ def best_sets_of_joint(
     best = _by_size(_best(T, constraints, _joined(kept, sets)) for sets in tried)
     size = len(kept) + len(every) - 1
     while size in best and size < len(kept) + _LARGEST:
-        larger = _extended(T, constraints, best[size], joint)
+        columns = np.array(best[size].columns, dtype=int)  # and one more of the joint
+        larger = _best(T, constraints, _joined(columns, _additions(constraints, columns, joint)))
         if larger is None:
             break
         size += 1
@@ -181,14 +182,6 @@ def _additions(constraints: Constraints, columns: Array, joint: int) -> Array:
     """Columns (B, 1) of a joint that may be added to others."""
     free = constraints.usable & (constraints.joint == joint)
     return np.flatnonzero(free & ~constraints.conflict[:, columns].any(axis=1))[:, None]
-
-
-def _extended(
-    T: Array, constraints: Constraints, active: ActiveSet, joint: int
-) -> ActiveSet | None:
-    """The best active set with one more column of a joint."""
-    columns = np.array(active.columns, dtype=int)
-    return _best(T, constraints, _joined(columns, _additions(constraints, columns, joint)))
 
 
 def _exchanged(T: Array, constraints: Constraints, active: ActiveSet, joint: int) -> ActiveSet:

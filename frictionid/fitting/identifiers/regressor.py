@@ -125,8 +125,12 @@ class Regressor(Identifier):
         spread = np.sqrt(np.average((data.torque - level) ** 2, weights=weight))
         scale = max(float(spread), _SMALL)
         trained = _Trained(estimator, centre, size, level, scale)
+        takes_weights = "sample_weight" in inspect.signature(estimator.fit).parameters
+        taken = {"sample_weight": weight} if takes_weights else {}
         try:
-            _fit(estimator, (table - centre) / size, (data.torque - level) / scale, weight)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of convergence
+                estimator.fit((table - centre) / size, (data.torque - level) / scale, **taken)
             trained.predict(table[:1])
         # some estimators refuse a setting for this number of samples only now
         except (TypeError, ValueError) as error:
@@ -172,14 +176,6 @@ def _binned(data: TrainingSet, bins: int) -> TrainingSet:
     total = np.bincount(bin_of, weight)
     x = data.x.each(lambda part: np.bincount(bin_of, weight * part[order]) / total)
     return TrainingSet(x, np.bincount(bin_of, weight * data.torque[order]) / total, total)
-
-
-def _fit(estimator: Any, x: Array, y: Array, weight: Array) -> None:
-    """Fit an estimator, with weights if it takes them; its warnings of convergence are dropped."""
-    takes_weights = "sample_weight" in inspect.signature(estimator.fit).parameters
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        estimator.fit(x, y, **({"sample_weight": weight} if takes_weights else {}))
 
 
 def _check_estimator(estimator: Any) -> None:

@@ -42,14 +42,12 @@ def clusters(problem: Problem) -> Array:
     return stretches(problem.recording, problem.time, pieces)
 
 
-def grams(A: Array, weights: Array, labels: Array | None = None) -> Array:
-    """Gram matrices (F, C, M, M) of each fold in each cluster; A (K, n, M), weights (F, K).
+def grams(A: Array, weights: Array, labels: Array) -> Array:
+    """Gram matrices (F, C, M, M) of each fold in each cluster of labels (K,).
 
-    Without labels (K,), all rows are one cluster.
+    A (K, n, M), weights (F, K)
     """
-    K, _, M = A.shape
-    labels = np.zeros(K, dtype=int) if labels is None else labels
-    count = int(labels.max()) + 1
+    M, count = A.shape[-1], int(labels.max()) + 1
     keys = np.ascontiguousarray(np.concatenate([labels[None], weights]).T)  # (K, F + 1)
     keys = keys.view([("", keys.dtype)] * keys.shape[1])[:, 0]  # one key for each row
     _, first, cell = np.unique(keys, return_index=True, return_inverse=True)

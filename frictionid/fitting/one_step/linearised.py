@@ -18,7 +18,6 @@ from .residual import Problem, data_range
 _DIFFERENCE = 1e-6
 _EXACT = 1e-22  # costs below this part of that without friction are rounding
 _TORQUES = 1e7  # computed at a time
-_ROW_ARRAYS = ("r", "G", "recording", "time", "dt")
 _ROWS, _MANY = 20_000, 4  # at a time, of so many parameters at most
 
 
@@ -49,8 +48,7 @@ class Linearised(NamedTuple):
 
     def decided(self, absent: Array) -> Linearised:
         """The same with optional terms decided: absent ones (F, n, P) are zero, others free."""
-        limits = self.constraints
-        assert limits is not None
+        limits = self._limits
         low, high = (np.where(absent, 0.0, x) for x in (limits.low, limits.high))
         deviation = np.where(absent, np.inf, limits.deviation)
         size = np.where([p.optional for p in self.law.parameters], np.inf, limits.size)
@@ -72,11 +70,14 @@ class Linearised(NamedTuple):
         return int(self.problem.r.shape[-1])
 
     @property
+    def _limits(self) -> Constraints:
+        assert self.constraints is not None
+        return self.constraints
+
+    @property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the parameters, (F, N) each."""
-        constraints = self.constraints
-        assert constraints is not None
-        return self.once(constraints.low), self.once(constraints.high)
+        return self.once(self._limits.low), self.once(self._limits.high)
 
     def conditions(self, weights: Array, variance: Array) -> Conditions:
         """Those of F fits under weights (F, K).
@@ -84,24 +85,20 @@ class Linearised(NamedTuple):
         variance : (F, 1) of the weighted residuals, which makes priors comparable with them, or
             (F, N), times the excess of each parameter, see `Spread`
         """
-        constraints = self.constraints
-        assert constraints is not None
-        mean = self.once(constraints.mean)
-        precision = self.once(constraints.deviation) ** -2.0 * variance
+        mean = self.once(self._limits.mean)
+        precision = self.once(self._limits.deviation) ** -2.0 * variance
         floor = _EXACT * self.cost(self.problem.r[None], weights)
         return Conditions(weights, *self.bounds, mean, precision, floor)
 
     @property
     def size(self) -> Array:
         """Sizes (F, N) of the parameters, infinite where there is no neutral value."""
-        assert self.constraints is not None
-        return self.once(self.constraints.size)
+        return self.once(self._limits.size)
 
     def neutral(self, theta: Array) -> Array:
         """Neutral values (F, N) beside parameters theta (F, N)."""
-        assert self.constraints is not None
         each = np.asarray(self.friction(theta).theta)
-        return self.once(self.law.neutral(each, self.constraints.neutral))
+        return self.once(self.law.neutral(each, self._limits.neutral))
 
     def once(self, each: Array) -> Array:
         """Numbers (F, n, P) that equal joints have alike, flat, (F, N)."""
@@ -134,7 +131,7 @@ class Linearised(NamedTuple):
             rows = slice(first, min(first + most, K))
             stencil = self.problem.stencil[rows]
             low, high = int(stencil.min()), int(stencil.max()) + 1
-            part = _some_rows(self.problem, rows, slice(low, high), stencil - low)
+            part = self.problem.with_rows(rows, slice(low, high), stencil - low)
             yield rows, self._replace(problem=part)
 
     def _whole_recordings(self, most: int) -> Iterator[tuple[slice, Linearised]]:
@@ -151,7 +148,7 @@ class Linearised(NamedTuple):
         """The same on every `step`-th row only, with the nodes that these need; without memory."""
         problem = self.problem
         places, stencil = np.unique(problem.stencil[::step], return_inverse=True)
-        few = _some_rows(problem, slice(None, None, step), places, stencil)
+        few = problem.with_rows(slice(None, None, step), places, stencil)
         return self._replace(problem=few)
 
     def residual(self, theta: Array) -> Array:
@@ -244,14 +241,6 @@ def _weighted_squares(G: Array, slopes: Array, e: Array, weight: Array) -> tuple
             squares[i, :, j] = squares[j, :, i].T
     descent = np.stack([onto[j] @ by_joint[j] for j in range(n)])
     return descent.ravel(), squares.reshape(n * P, n * P)
-
-
-def _some_rows(problem: Problem, rows: slice, places: slice | Array, stencil: Array) -> Problem:
-    """The problem of some rows, with the nodes at these places, in which their stencils look."""
-    inputs, time = problem.nodes.inputs.each(lambda x: x[places]), problem.nodes.time[places]
-    arrays = {name: getattr(problem, name)[rows] for name in _ROW_ARRAYS}
-    nodes = Nodes(inputs, time, np.array([0, len(time)]))
-    return replace(problem, nodes=nodes, stencil=stencil, **arrays)
 
 
 def torque_gradient(friction: Friction, problem: Problem) -> Array:

@@ -91,20 +91,21 @@ class Problem:
         which, place = np.unique(self.recording[rows], return_inverse=True)
         first = self.nodes.first
         sizes = first[which + 1] - first[which]
-        begin = np.concatenate([[0], np.cumsum(sizes)])
+        begin = np.cumsum([0, *sizes])
         at = np.arange(begin[-1]) + np.repeat(first[which] - begin[:-1], sizes)
-        nodes = Nodes(
-            self.nodes.inputs.each(lambda x: x[at]),
-            self.nodes.time[at],
-            begin,
-            self.nodes.per_sample,
-        )
         stencil = self.stencil[rows] + (begin[:-1] - first[which])[place][:, None]
+        part = self.with_rows(rows, at, stencil)
+        nodes = part.nodes._replace(first=begin, per_sample=self.nodes.per_sample)
         slowest = self.slowest if not np.ndim(self.slowest) else np.asarray(self.slowest)[which]
-        arrays = {name: getattr(self, name)[rows] for name in ("r", "G", "time", "dt")}
-        return replace(
-            self, nodes=nodes, stencil=stencil, recording=place, slowest=slowest, **arrays
-        )
+        return replace(part, nodes=nodes, recording=place, slowest=slowest)
+
+    def with_rows(self, rows: slice | Array, places: slice | Array, stencil: Array) -> "Problem":
+        """Some rows, with the nodes at these places, one series, in which their stencils look."""
+        inputs, time = self.nodes.inputs.each(lambda x: x[places]), self.nodes.time[places]
+        names = "r", "G", "recording", "time", "dt"
+        arrays = {name: getattr(self, name)[rows] for name in names}
+        nodes = Nodes(inputs, time, np.array([0, len(time)]))
+        return replace(self, nodes=nodes, stencil=stencil, **arrays)
 
     def residual(self, torque: Array) -> Array:
         """Residual e (..., K, n) [rad/s] of friction torques at the nodes, (..., S, n)."""
@@ -183,9 +184,8 @@ def stiction_mask(problem: Problem, velocity_threshold: float | Array | None) ->
     None: the slowest speed that the row's recording resolves, and no less than 2 % of the speeds in
     it: slower joints give way before they slip, in play and presliding that no law here describes.
     """
-    w = problem.nodes.inputs.w[problem.stencil]  # (K, m, n)
-    threshold = 0.0 if velocity_threshold is None else velocity_threshold
-    if velocity_threshold is None:
+    w, threshold = problem.nodes.inputs.w[problem.stencil], velocity_threshold  # (K, m, n)
+    if threshold is None:
         first = problem.nodes.first
         each = [np.abs(problem.nodes.inputs.w[a:b]) for a, b in pairwise(first)]
         usual = _RESTING * np.stack([np.quantile(speeds, 0.95, axis=0) for speeds in each])
@@ -272,7 +272,7 @@ def one_step_problem(
     rows_of, coefficients, per_sample = _SCHEMES[scheme]
     pairs = enumerate(zip(recordings, states, strict=True))
     parts = [rows_of(plant[i], *pair) for i, pair in pairs]
-    before = [history] * len(parts) if isinstance(history, int) else list(history)
+    before = np.broadcast_to(history, len(parts))
     inputs, node_times, *_ = zip(*parts, strict=True)
     first = np.cumsum([0, *map(len, node_times)])
     rows = []
@@ -285,7 +285,7 @@ def one_step_problem(
     r, G, stencil, recording, time, dt = (np.concatenate(x) for x in zip(*rows, strict=True))
     if not len(r):
         raise InputError(
-            f"no recording is longer than the {max(before)} samples of history before its first "
+            f"no recording is longer than the {before.max()} samples of history before its first "
             "row: record longer, shorten the history, or use more of the samples"
         )
     nodes = Nodes(joined(inputs), np.concatenate(node_times), first, per_sample)
@@ -293,7 +293,7 @@ def one_step_problem(
     slowest = np.stack([slowest_speeds(s) for s in states])
     parts_beyond = r.shape[-1] - slowest.shape[-1]  # coupled, as slow as the slowest joint
     slowest = np.pad(slowest, ((0, 0), (0, parts_beyond)), constant_values=slowest.max())
-    return Problem(nodes, r, G, stencil, c, recording, time, dt, max(before), slowest)
+    return Problem(nodes, r, G, stencil, c, recording, time, dt, int(before.max()), slowest)
 
 
 def normalised(weights: Array, problem: Problem) -> Array:

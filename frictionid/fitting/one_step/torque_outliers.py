@@ -101,16 +101,18 @@ def _off(torque: Signal) -> Array:
 
     Zero where that is usual, or where one of these neighbours is farther off.
     """
-    value = np.asarray(torque.value, dtype=float)
+    value = torque.value
     if len(value) < 8:
         return np.zeros_like(value)
-    padded = np.pad(value, ((2, 2), (0, 0)), mode="edge")
-    around = np.stack([padded[k : k + len(value)] for k in (0, 1, 3, 4)])
-    off = value - np.median(around, axis=0)
+
+    def beside(padded: Array) -> Array:
+        return np.stack([padded[k : k + len(value)] for k in (0, 1, 3, 4)])
+
+    ends = (2, 2), (0, 0)
+    off = value - np.median(beside(np.pad(value, ends, mode="edge")), axis=0)
     size = np.abs(off)
     usual = MAD * np.median(size, axis=0)
-    padded = np.pad(size, ((2, 2), (0, 0)))
-    highest = np.max([padded[k : k + len(value)] for k in (0, 1, 3, 4)], axis=0)
+    highest = beside(np.pad(size, ends)).max(axis=0)
     stands_off = (size > np.maximum(_OFF * usual, 1e-9)) & (size > _ALIKE * highest)
     return np.where(stands_off, off, 0.0)
 
@@ -142,7 +144,7 @@ def _without_friction(balances: list[Array], speeds: list[Array]) -> tuple[float
 
 def _footprint(torque: Signal, at: Array, off: Array, time: Array) -> csr_array:
     """What C samples of a torque, that far off, add to its means over the intervals, (K, C)."""
-    clock, K = np.asarray(torque.time, dtype=float), len(time) - 1
+    clock, K = torque.time, len(time) - 1
     rows, means = [], []
     for k, size in zip(at, off, strict=True):
         local = slice(max(k - 1, 0), k + 2)

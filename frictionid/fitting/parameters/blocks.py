@@ -91,7 +91,7 @@ class InertiaBlock(ParameterBlock):
     value that is zero, to the mean size of those with the same unit.
     """
 
-    name, enters, relative = "inertia", "base", True
+    name, enters, part, relative = "inertia", "base", "base", True
 
     def names(self, estimate: Estimate) -> tuple[Sequence[str], str]:
         mechanism = estimate.mechanism
@@ -117,12 +117,8 @@ class InertiaBlock(ParameterBlock):
             high = max(float(most[i]), value)
             yield Parameter(self.name, name, unit, value, low, high, tolerance, (i,), mean)
 
-    def numbers(self, estimate: Estimate) -> Array:
-        return np.asarray(estimate.calibration.base, dtype=float)
-
     def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
-        base = inside(estimate.mechanism, numbers)
-        return estimate._replace(calibration=replace(estimate.calibration, base=base))
+        return super().with_numbers(estimate, inside(estimate.mechanism, numbers))
 
 
 def heaviest_rotors(mechanism: Mechanism) -> Array:
@@ -322,7 +318,7 @@ class ActuatorBlock(ParameterBlock):
     motor disconnected, a fixed constant, or a prior tell the two apart. `prior` is relative.
     """
 
-    name, enters, relative = "actuator", "actuator", True
+    name, enters, part, relative = "actuator", "actuator", "motor", True
 
     def __post_init__(self) -> None:
         check_fixed(self.fixed, MOTOR, "a motor has no constant", self.name)
@@ -335,9 +331,6 @@ class ActuatorBlock(ParameterBlock):
         for name, unit, value in zip(MOTOR, _UNITS, values, strict=True):
             yield Parameter(self.name, name, unit, value, _LEAST * value)
 
-    def numbers(self, estimate: Estimate) -> Array:
-        return np.asarray(estimate.calibration.motor, dtype=float)
-
     def values(self, estimate: Estimate, free: Sequence[Parameter]) -> list[float]:
         motor = self.numbers(estimate)
         return [float(motor[MOTOR.index(p.name)]) for p in free]
@@ -346,4 +339,4 @@ class ActuatorBlock(ParameterBlock):
         motor = self.numbers(estimate).copy()
         for parameter, value in values:
             motor[MOTOR.index(parameter.name)] = value
-        return estimate._replace(calibration=replace(estimate.calibration, motor=motor))
+        return self.with_numbers(estimate, motor)

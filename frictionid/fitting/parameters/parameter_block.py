@@ -112,6 +112,7 @@ class ParameterBlock(ABC):
     offered: bool = False
     name: ClassVar[str]
     enters: ClassVar[str]
+    part: ClassVar[str] = ""  # of the calibration, where it has another name
     relative: ClassVar[bool] = False
 
     @abstractmethod
@@ -133,27 +134,21 @@ class ParameterBlock(ABC):
             raise InputError(
                 f"block {self.name!r}: prior = {self.prior} must be a positive standard deviation"
             )
-        listed, informed = list(self.listed(estimate)), dict(self.deviations)
+        listed, free = list(self.listed(estimate)), []
+        deviations, excess = dict(self.deviations), dict(self.excess)
         sizes = self.sizes(listed) if self.relative else [1.0] * len(listed)
-        tolerances = (
-            min(
-                p.tolerance,
-                FREE if self.prior is None else self.prior * max(size, 1e-12),
-                informed.get(p.name, FREE),
-                0.0 if _is_fixed(p, self.fixed) else FREE,
-            )
-            for p, size in zip(listed, sizes, strict=True)
-        )
-        excess, pairs = dict(self.excess), zip(listed, tolerances, strict=True)
-        return tuple(
-            p._replace(tolerance=tolerance, excess=excess.get(p.name, 1.0))
-            for p, tolerance in pairs
-            if tolerance > 0
-        )
+        for p, size in zip(listed, sizes, strict=True):
+            prior = FREE if self.prior is None else self.prior * max(size, 1e-12)
+            tolerance = min(p.tolerance, prior, deviations.get(p.name, FREE))
+            # by the name, or its part before or behind " of "
+            is_fixed = not {p.name, *p.name.split(" of ", 1)}.isdisjoint(self.fixed)
+            if tolerance > 0 and not is_fixed:
+                free.append(p._replace(tolerance=tolerance, excess=excess.get(p.name, 1.0)))
+        return tuple(free)
 
     def numbers(self, estimate: Estimate) -> Array:
         """The numbers, free or not, among which `place` finds each parameter."""
-        return np.asarray(getattr(estimate.calibration, self.name), dtype=float)
+        return np.asarray(getattr(estimate.calibration, self.part or self.name), dtype=float)
 
     def values(self, estimate: Estimate, free: Sequence[Parameter]) -> list[float]:
         """Values of the block's free parameters."""
@@ -162,7 +157,8 @@ class ParameterBlock(ABC):
 
     def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
         """The estimate with other numbers."""
-        return estimate._replace(calibration=replace(estimate.calibration, **{self.name: numbers}))
+        new = replace(estimate.calibration, **{self.part or self.name: numbers})
+        return estimate._replace(calibration=new)
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         """The estimate with other values of the block's free parameters."""
@@ -187,11 +183,6 @@ def check_fixed(fixed: Sequence[str], names: Sequence[str], what: str, block: st
             raise InputError(
                 f"block {block!r}: {what} {name!r} to fix; known are {', '.join(names)}"
             )
-
-
-def _is_fixed(parameter: Parameter, fixed: Sequence[str]) -> bool:
-    """Whether a parameter is named by its name, or by its part before or behind " of "."""
-    return not {parameter.name, *parameter.name.split(" of ", 1)}.isdisjoint(fixed)
 
 
 def with_excess(
@@ -270,5 +261,4 @@ def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) 
 
 def values_of(estimate: Estimate, blocks: Sequence[FreeBlock]) -> Array:
     """Values (D,) of all free parameters in an estimate."""
-    values = [free.block.values(estimate, free.parameters) for free in blocks]
-    return np.array([value for each in values for value in each], dtype=float)
+    return np.concatenate([[], *(f.block.values(estimate, f.parameters) for f in blocks)])

@@ -15,13 +15,13 @@ from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import OddRecording
 
 from ..fit import Covariance
+from ..gauss_newton import MAD
 from ..parameters.parameter_block import Estimate, Parameter, ParameterBlock
 from .sample_intervals import Intervals, cut_windows
 from .solution import Solution
 
 _FEW = 4  # windows: of fewer, no interval is worth the name
 _STILL = 10.0  # [noise]: a joint that moves less does not move
-_MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _FOLLOWED = 0.01  # of third differences: the smoother takes off nothing
 _MORE = 8.0  # times what the smoother takes off, which is some 0.6 of the noise
 _EARLY = 0.001  # [s] that a torque acts before it was logged
@@ -187,16 +187,16 @@ def angle_noise(intervals: Intervals) -> Array:
     Where a motion is so fast that the smoother follows its noise, the third differences of angles,
     to which the motion adds.
     """
-    taken = _MAD * np.median(np.abs(intervals.before - intervals.q), axis=0)
+    taken = MAD * np.median(np.abs(intervals.before - intervals.q), axis=0)
     runs = intervals.dataset.recordings
     rough = np.concatenate([np.diff(r.angle.value, 3, axis=0) for r in runs])
-    most = _MAD * np.median(np.abs(rough), axis=0) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
+    most = MAD * np.median(np.abs(rough), axis=0) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
     return np.maximum(np.where(taken < _FOLLOWED * most, most, taken), intervals.rounding)
 
 
 def warnings_of(solution: Solution) -> Iterator[str]:
     """Sentences on what makes the numbers of a fit doubtful as a whole."""
-    about = (_coarse, _far, _early, _scaled)
+    about = (_coarse, _clocks, _scaled)
     said = [sentence for words in about for sentence in words(solution)]
     yield from said
     if said:
@@ -227,30 +227,24 @@ def _coarse(solution: Solution) -> Iterator[str]:
         )
 
 
-def _far(solution: Solution) -> Iterator[str]:
-    for free in solution.problem.blocks:
-        for parameter in free.block.parameters(solution.estimate):
-            if parameter.block == "delay" and not parameter.low < parameter.value < parameter.high:
-                yield (
-                    f"The torque delay ends at {parameter.value:+.2g} s, as far as it may go: the "
-                    "clocks may be further apart, or the logs do not belong together."
-                )
-
-
-def _early(solution: Solution) -> Iterator[str]:
+def _clocks(solution: Solution) -> Iterator[str]:
     delay = float(solution.estimate.calibration.delay)
-    free = any(part.block.name == "delay" and part.parameters for part in solution.problem.blocks)
-    if free and delay < -_EARLY:
-        yield (
-            f"The torque seems to act {-1e3 * delay:.1f} ms before it was logged: its clock is "
-            "late, or friction sets in later than the law says, as behind a gap (law 'play')."
-        )
+    for p in (p for p in solution.problem.parameters if p.block == "delay"):
+        if not p.low < delay < p.high:
+            yield (
+                f"The torque delay ends at {delay:+.2g} s, as far as it may go: the clocks may be "
+                "further apart, or the logs do not belong together."
+            )
+        if delay < -_EARLY:
+            yield (
+                f"The torque seems to act {-1e3 * delay:.1f} ms before it was logged: its clock is "
+                "late, or friction sets in later than the law says, as behind a gap (law 'play')."
+            )
 
 
 def _scaled(solution: Solution) -> Iterator[str]:
+    nominal = solution.estimate.mechanism.nominal_base
     base = np.asarray(solution.estimate.calibration.base)
-    mechanism = solution.estimate.mechanism
-    nominal = mechanism.nominal_base
     size = float(np.median(np.abs(base) / np.maximum(np.abs(nominal), 1e-12)))
     if not 1 / _SCALE < size < _SCALE:
         yield (
@@ -263,12 +257,7 @@ _MOST_SPEEDS = 0.95
 _AS_FAST = 0.5  # of these speeds: a Stribeck velocity that leaves no plateau
 
 
-def limits_of_data(solution: Solution, covariance: Covariance) -> tuple[str, ...]:
-    """What makes levels zero, and what keeps a fit from converging."""
-    return (*_no_plateau(solution), *_wanders(solution, covariance))
-
-
-def _no_plateau(solution: Solution) -> Iterator[str]:
+def no_plateau(solution: Solution) -> Iterator[str]:
     """Coulomb levels that end at zero as the Stribeck velocity is as large as the speeds."""
     friction = solution.estimate.friction
     names, theta = friction.law.names, np.asarray(friction.theta)
@@ -291,7 +280,7 @@ def _no_plateau(solution: Solution) -> Iterator[str]:
             )
 
 
-def _wanders(solution: Solution, covariance: Covariance) -> Iterator[str]:
+def wanders(solution: Solution, covariance: Covariance) -> Iterator[str]:
     """Why a fit has not converged."""
     friction = np.array([p.block == "friction" for p in solution.problem.parameters], dtype=bool)
     unknown = int((friction & ~covariance.identified).sum())

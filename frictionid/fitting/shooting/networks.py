@@ -130,8 +130,7 @@ class TorqueSamples:
 
     def torque(self, friction: Friction) -> Array:
         """Torques (N, n) [N m]."""
-        torque = friction.law.torque(friction.theta, self.path[-1], self.memory(friction))
-        return np.asarray(torque)
+        return friction.law.torque(friction.theta, self.path[-1], self.memory(friction))
 
     def slopes(self, friction: Friction) -> Array:
         """Their derivatives (N, n, P) in each joint's own numbers."""

@@ -145,8 +145,7 @@ class ShootingProblem:
         intervals, friction = self.intervals, estimate.friction
         if not friction.law.has_memory:
             return ()
-        sizes = [len(s.time) for s in intervals.states]
-        first = np.concatenate([[0], np.cumsum(sizes)])
+        first = np.cumsum([0, *(len(s.time) for s in intervals.states)])
         dataset = intervals.dataset
         dataset = calibrated_dataset(dataset, estimate.calibration) if self.reads.u else dataset
         pairs = zip(dataset.recordings, intervals.states, strict=True)
@@ -232,7 +231,7 @@ class ShootingProblem:
         recording, driven = intervals.recording[rows], estimate.mechanism.motors
         offset, loop = calibration.offset, drive.loop
         edges = intervals.time[rows, None] + intervals.dt[rows, None] * share
-        edges = edges - float(calibration.delay)
+        edges = edges - calibration.delay
         logged = pieces_of(drive.torque, recording, edges)
         commanded, recorded = logged.mean, Logged(logged.mean, logged.mean_later)
         if loop is not None:  # the controller sees angles as they are recorded

@@ -22,7 +22,14 @@ from ..one_step.torque_outliers import without_torque_outliers
 from ..parameters.blocks import on_support
 from ..parameters.parameter_block import ParameterBlock
 from ..sandwich import worth
-from .data_checks import explained, limits_of_data, odd_recordings, odd_sentences, warnings_of
+from .data_checks import (
+    explained,
+    no_plateau,
+    odd_recordings,
+    odd_sentences,
+    wanders,
+    warnings_of,
+)
 from .gauss_newton import step_with_windows
 from .networks import as_given
 from .omitted_blocks import omitted_blocks, widened
@@ -128,8 +135,7 @@ def refine(
     settings = settings or Settings()
     states = states or states_of(dataset, RTS(), sample_time)
     dataset = without_torque_outliers(dataset, plant_of(dataset), states)
-    intervals = intervals_of(dataset, sample_time, states)
-    return fit_blocks(friction, intervals, blocks, settings)
+    return fit_blocks(friction, intervals_of(dataset, states), blocks, settings)
 
 
 def fit_blocks(
@@ -168,12 +174,10 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     solution, estimate = stage.solution, stage.solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     omitted, words = omitted_blocks(solution, [d.block for d in stage.dropped])
-    shared = omitted + settings_error(solution)
-    shared = shared + smoothing_error(solution) + load_error(solution)
+    shared = omitted + settings_error(solution) + smoothing_error(solution) + load_error(solution)
     covariance = solution.covariance(shared)
-    limits = (*words, *limits_of_data(solution, covariance))
-    limits = (*limits, *sentences_of(stage.held))
-    diagnostics = replace(_diagnostics(solution, limits), dropped=stage.dropped)
+    limits = *words, *no_plateau(solution), *wanders(solution, covariance)
+    diagnostics = _diagnostics(stage, (*limits, *sentences_of(stage.held)))
     friction = stage.network or as_given(estimate.friction, start)
     friction = replace(friction, calibration=estimate.calibration, parameters={})
     covariance = _with_held(covariance, stage)
@@ -190,7 +194,8 @@ def _with_held(covariance: Covariance, stage: Stage) -> Covariance:
     return with_held(covariance, held, bound, wider.problem.parameters, H)
 
 
-def _diagnostics(solution: Solution, limits: tuple[str, ...]) -> Diagnostics:
+def _diagnostics(stage: Stage, limits: tuple[str, ...]) -> Diagnostics:
+    solution = stage.solution
     share = solution.share[..., None] * np.ones_like(solution.residual)
     square = (solution.residual / solution.sigma) ** 2 * share
     size = np.sqrt(square.sum(axis=(1, 2)) / np.maximum(share.sum(axis=(1, 2)), 1e-12))
@@ -206,6 +211,7 @@ def _diagnostics(solution: Solution, limits: tuple[str, ...]) -> Diagnostics:
         settled=solution.converged,
         iterations=solution.iterations,
         warnings=(*odd_sentences(odd), *warnings_of(solution), *limits),
+        dropped=stage.dropped,
     )
 
 

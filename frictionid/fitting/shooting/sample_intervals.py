@@ -173,10 +173,8 @@ def on_one_clock(signals: Sequence[Signal], begin: Array, end: Array, later: Arr
     return Signal(time, value, signals[0].hold)
 
 
-def intervals_of(
-    dataset: Dataset, sample_time: float | None = None, states: tuple[States, ...] | None = None
-) -> Intervals:
-    """Intervals of a data set at samples at least `sample_time` [s] apart; gaps are none of them.
+def intervals_of(dataset: Dataset, states: tuple[States, ...] | None = None) -> Intervals:
+    """Intervals of a data set between the samples of its states; gaps are none of them.
 
     states : what the RTS smoother gives, where it has been asked before
 
@@ -185,24 +183,18 @@ def intervals_of(
     InputError
         Where no recording has three intervals in one piece.
     """
-    states = states or states_of(dataset, RTS(), sample_time)
+    states = states or states_of(dataset, RTS(), None)
     parts = []
     for i, (recording, s) in enumerate(zip(dataset.recordings, states, strict=True)):
         dt = np.diff(s.time)
         whole = dt <= GAP * np.median(dt) if len(dt) else np.zeros(0, bool)
         measured, weight = _measured(recording.angle, s)
-        joined = np.concatenate([[False], whole[:-1]]) if len(dt) else whole
         columns = (
-            s.time[:-1],
-            dt,
-            np.full(len(dt), i),
-            np.arange(len(dt)),
-            measured[:-1],
-            measured[1:],
-            weight[:-1],
-            weight[1:],
+            *(s.time[:-1], dt, np.full(len(dt), i), np.arange(len(dt))),
+            *(measured[:-1], measured[1:], weight[:-1], weight[1:], s.q[:-1], s.w[:-1]),
+            np.concatenate([[False], whole])[:-1],
         )
-        parts.append([x[whole] for x in (*columns, s.q[:-1], s.w[:-1], joined)])
+        parts.append([x[whole] for x in columns])
     series = [np.concatenate(column) for column in zip(*parts, strict=True)]
     if len(series[0]) < 3:
         raise InputError(
@@ -244,9 +236,8 @@ def cut_windows(intervals: Intervals, use: Array, seconds: float) -> Array:
     """
     index = np.flatnonzero(use)
     breaks = ~intervals.joined[index] | (np.diff(index, prepend=-2) != 1)
-    runs = np.split(index, np.flatnonzero(breaks)[1:]) if breaks.any() else [index]
     windows: list[Array] = []
-    for run in runs:
+    for run in np.split(index, np.flatnonzero(breaks)[1:]):
         if len(run) >= 3:
             span = float(intervals.dt[run].sum())
             most = len(run) // 3

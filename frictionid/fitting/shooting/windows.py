@@ -32,7 +32,7 @@ class WindowPrediction(NamedTuple):
     moved: Array
     carried: Array
 
-    def take(self, rows: Array) -> "WindowPrediction":
+    def take(self, rows: Array | slice) -> "WindowPrediction":
         """Those of some windows."""
         return WindowPrediction(*(x[rows] for x in self))
 
@@ -169,9 +169,8 @@ def eliminate_states(
     parts = []
     for rows in np.array_split(np.arange(W), count):
         part = slice(int(rows[0]), int(rows[-1]) + 1)
-        prediction_part = WindowPrediction(*(x[part] for x in prediction))
         less = None if damping is None else damping[part]
-        parts.append(_eliminated(prediction_part, weight[part], sigma, prior[:, part], less))
+        parts.append(_eliminated(prediction.take(part), weight[part], sigma, prior[:, part], less))
     return NormalEquations(*map(np.concatenate, zip(*parts, strict=True)))
 
 

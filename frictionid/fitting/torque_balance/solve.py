@@ -12,7 +12,11 @@ from frictionid.arrays import Array
 from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError
 from frictionid.friction import along
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_consistent
+from frictionid.mechanics.rigid_body.rigid_body_tree import (
+    WRENCH,
+    RigidBodyTree,
+    nearest_consistent,
+)
 
 from ..gauss_newton import MAD, Conditions, minimum
 from ..neutral import Unknown
@@ -38,15 +42,15 @@ _RECENT = 4  # estimates that are kept
 def left_to_friction(balance: TorqueBalance, estimate: Estimate) -> Array:
     """Mean torques (K, n) [N m] that rigid bodies do not need: gain u(t - delay) + bias - Y p."""
     calibration = estimate.calibration
-    logged = balance.logged(float(calibration.delay)).mean[0]
+    logged = balance.logged(calibration.delay).mean[0]
     applied = (calibration.gain * logged + calibration.bias) * estimate.mechanism.motors
-    base = np.asarray(calibration.base) + balance.base
+    base = calibration.base + balance.base
     return applied - np.einsum("kib,kb->ki", balance.regressor, base)
 
 
 def logged_gain(estimate: Estimate) -> Array:
     """Gain (n,) of the logged torques, at least a thousandth."""
-    return np.maximum(np.asarray(estimate.calibration.gain, dtype=float), 1e-3)
+    return np.maximum(estimate.calibration.gain, 1e-3)
 
 
 @validated
@@ -107,8 +111,7 @@ class TorqueProblem:
     def conditions(self, sigma: Array, weight: Array) -> Conditions:
         """Those of one fit to torques with noise (n,) [N m], under weights (K, n)."""
         low, high, mean, precision = (each[None] for each in self.limits)
-        weights = (weight / sigma**2)[None]
-        return Conditions(weights, low, high, mean, precision, np.zeros(1))
+        return Conditions((weight / sigma**2)[None], low, high, mean, precision, np.zeros(1))
 
     def at(self, x: Array) -> Estimate:
         """The estimate with other values (1, D) of the free parameters."""
@@ -151,45 +154,39 @@ class TorqueProblem:
         out = left / logged_gain(estimate)
         if balance.wrench is None:
             return out
-        base = np.asarray(estimate.calibration.base) + balance.base
+        base = estimate.calibration.base + balance.base
         return np.concatenate([out, balance.wrench.left(base)], axis=1)
 
     def slopes(self, estimate: Estimate) -> Array:
         """Derivatives (K, n, D) of the unexplained torques in the free parameters."""
-        balance, driven = self.balance, estimate.mechanism.motors
-        out = np.zeros((*balance.slides.shape, len(self.parameters)))
-        pieces = balance.logged(float(estimate.calibration.delay))
+        balance, wrench, gain = self.balance, self.balance.wrench, logged_gain(estimate)
+        (K, n), theta = balance.slides.shape, estimate.friction.theta
+        out = np.zeros((K, n if wrench is None else n + len(WRENCH), len(self.parameters)))
+        of_joints = out[:, :n]  # a view
+        pieces = balance.logged(estimate.calibration.delay)
         u = Logged(pieces.mean[0], pieces.mean_later[0])
-        for free in self.blocks:
-            at = range(free.columns.start, free.columns.stop)
-            if free.block.enters == "friction":
-                friction = estimate.friction
-                law = Linearised(friction.law, balance.problem)
-                slope = law.slopes(np.reshape(friction.theta, (1, -1)))[0]
-                for k, p in zip(at, free.parameters, strict=True):
+        for block, parameters, columns in self.blocks:
+            if block.enters == "friction":
+                law = Linearised(estimate.friction.law, balance.problem)
+                slope = law.slopes(np.reshape(theta, (1, -1)))[0]
+                for k, p in enumerate(parameters, columns.start):
                     acts = estimate.mechanism.friction_map[p.place[0]]
-                    out[:, :, k] = -slope[:, p.place[0], p.place[1], None] * acts
-            elif free.block.enters == "base":
-                which = [p.place[0] for p in free.parameters]
-                out[:, :, free.columns] = -balance.regressor[:, :, which]
+                    of_joints[:, :, k] = -slope[:, p.place[0], p.place[1], None] * acts
+            elif block.enters == "base":
+                which = [p.place[0] for p in parameters]
+                of_joints[:, :, columns] = -balance.regressor[:, :, which]
+                if wrench is not None:
+                    out[:, n:, columns] = -wrench.regressor[:, :, which]
             else:
-                by_torque = free.block.torque_slope(estimate, free.parameters, u)
-                out[:, :, free.columns] = np.moveaxis(by_torque * driven, 0, -1)
-        out /= logged_gain(estimate)[:, None]
-        for free in self.blocks:
-            if free.block.name == "gain":
-                joints = [p.place[0] for p in free.parameters]
-                columns = np.arange(free.columns.start, free.columns.stop)
-                gain = logged_gain(estimate)[joints]
-                out[:, joints, columns] -= self.unexplained(estimate)[:, joints] / gain
-        if balance.wrench is None:
-            return out
-        rows = np.zeros((*balance.wrench.wrench.shape, out.shape[-1]))
-        for free in self.blocks:
-            if free.block.enters == "base":
-                which = [p.place[0] for p in free.parameters]
-                rows[:, :, free.columns] = -balance.wrench.regressor[:, :, which]
-        return np.concatenate([out, rows], axis=1)
+                by_torque = block.torque_slope(estimate, parameters, u) * estimate.mechanism.motors
+                of_joints[:, :, columns] = np.moveaxis(by_torque, 0, -1)
+        of_joints /= gain[:, None]
+        for block, parameters, columns in self.blocks:
+            if block.name == "gain":
+                j = [p.place[0] for p in parameters]
+                places = np.arange(columns.start, columns.stop)
+                of_joints[:, j, places] -= self.unexplained(estimate)[:, j] / gain[j]
+        return out
 
 
 _ROUNDS = 4  # of weights
@@ -290,7 +287,7 @@ def made_consistent(solution: TorqueSolution) -> TorqueSolution:
         )
     places = [p.place[0] for p in base_block.parameters]
     metric = _information(solution, places, len(mechanism.base_names))
-    wanted = np.asarray(solution.estimate.calibration.base, dtype=float)
+    wanted = np.asarray(solution.estimate.calibration.base)
     base = nearest_consistent(mechanism, wanted, metric)
     fixed = np.setdiff1d(np.arange(len(base)), places)
     base[fixed] = wanted[fixed]

@@ -101,7 +101,7 @@ class TorqueBalance:
     log: SignalIntegrals
     wrench: BaseWrench | None = None
 
-    def logged(self, delay: float) -> Pieces:
+    def logged(self, delay: Array) -> Pieces:
         """Means of the torque logged `delay` [s] before, and their derivatives by the delay."""
         edges = np.stack([self.start, self.stop], axis=1) - delay
         return pieces_of(self.log, self.recording, edges)
