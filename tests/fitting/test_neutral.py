@@ -26,6 +26,7 @@ from frictionid.mechanics import mechanism_of, pendulum
 FAST = 2.0  # [rad/s]
 SHORT = Settings(windows=(0.1, 0.3))
 LINE = [[0.1, 0.02]]
+START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
 
 
 def fitted(law, problem, rows, **settings):
@@ -185,12 +186,11 @@ def test_a_prior_weighs_the_same_however_often_a_sample_is_counted():
 def test_a_tolerance_draws_a_wrong_mass_towards_what_was_stated():
     """Nominal masses 3 % off, stated as 5 %: the data correct them; stated as .01 % they stay."""
     wrong = tiny.heavier(1.03)
-    start = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
     found = {}
     for tolerance in (5.0, 0.01):
         mechanism = mechanism_of({**wrong, "tolerances": {"mass": tolerance}})
         data = replace(tiny.dataset(), mechanism=mechanism)
-        fit = refine(start, data, (FrictionBlock(), InertiaBlock()), SHORT)
+        fit = refine(START, data, (FrictionBlock(), InertiaBlock()), SHORT)
         found[tolerance] = float(fit.calibration.base[0])
     nominal = 0.206 * 0.2**2
     assert found[0.01] == pytest.approx(nominal, rel=1e-3)
@@ -243,9 +243,8 @@ def test_a_fit_that_predicts_no_window_says_so(monkeypatch):
         return solution._replace(counts=0.0 * solution.counts)
 
     monkeypatch.setattr(stages, "solve", astray)
-    start = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
     with assert_refused("went astray, and predicts no window"):
-        refine(start, tiny.dataset(), (FrictionBlock(), InertiaBlock()), SHORT)
+        refine(START, tiny.dataset(), (FrictionBlock(), InertiaBlock()), SHORT)
 
 
 def test_free_parameters_are_as_uncertain_beside_held_ones_as_beside_ones_with_a_prior():

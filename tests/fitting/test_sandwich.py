@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from fixtures.driven_pendulum import driven_pendulum
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import stdtrit
 
+from frictionid.data.calibration import Calibration
 from frictionid.fitting import sandwich as module
+from frictionid.fitting.covariance import meaningless
+from frictionid.fitting.parameters import Estimate, FrictionBlock
 from frictionid.fitting.sandwich import (
     Groups,
     clusters_of,
@@ -14,6 +18,10 @@ from frictionid.fitting.sandwich import (
     scatter,
     shown_once,
 )
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.friction import Friction
+from frictionid.friction.laws import LuGre, Stribeck
+from frictionid.mechanics import pendulum
 
 SETS, RECORDINGS, WINDOWS, ROWS = 400, 8, 6, 12
 TRUE = np.array([1.0, -0.5, 0.2])
@@ -136,3 +144,53 @@ def test_what_a_single_of_three_recordings_shows_scatters_between_its_stretches(
     stretches = np.diag(sandwich(H, groups._replace(recording=0 * recording)))
     assert_allclose(variance[-2:], stretches[-2:])
     assert (variance[:-2] >= stretches[:-2]).all() and variance.max() < 100 * stretches.max()
+
+
+# --- What means nothing ---------------------------------------------------------------------------
+
+
+def entries_of(friction):
+    return FrictionBlock().parameters(Estimate(friction, Calibration.ideal(1), pendulum()))
+
+
+def hanging(friction, *weak):
+    entries = entries_of(friction)
+    names = [e.name.split(" ")[0] for e in entries]
+    found = meaningless(friction, entries, np.isin(names, weak))
+    return {names[k]: tuple(names[i] for i in on) for k, on in found.items()}
+
+
+def test_a_velocity_hangs_on_its_peak_and_nothing_hangs_on_it():
+    friction = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.01]]))
+    assert list(Stribeck().names) == ["coulomb", "peak", "stribeck_velocity", "viscous"]
+    assert hanging(friction, "peak") == {"stribeck_velocity": ("peak",)}
+    assert hanging(friction, "peak", "coulomb") == {"stribeck_velocity": ("peak",)}
+    assert hanging(friction, "stribeck_velocity", "viscous", "coulomb") == {}
+    assert hanging(friction) == {}
+
+
+def test_a_doubtful_peak_leaves_no_velocity():
+    friction = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.01]]))
+    none, peak = np.zeros(4, dtype=bool), np.array([False, True, False, False])
+    assert meaningless(friction, entries_of(friction), none, peak) == {2: (1,)}
+    assert meaningless(friction, entries_of(friction), none, none) == {}
+
+
+def test_stiffness_of_a_bristle_shows_before_it_slides():
+    friction = Friction(LuGre(), np.array([[0.1, 0.03, 1.5, 0.01, 0.01, 0.1, 0.5]]))
+    assert LuGre().names[4:] == ("presliding", "damping", "damping_velocity")
+    assert hanging(friction, "viscous") == {}
+    assert hanging(friction, "damping", "peak") == {
+        "stribeck_velocity": ("peak",),
+        "damping_velocity": ("damping",),
+    }
+
+
+def test_a_peak_that_is_not_there_leaves_no_velocity():
+    first = Friction(Stribeck(), np.array([[0.05, 0.01, 1.0, 0.01]]))
+    found = refine(first, driven_pendulum(150), settings=Settings(windows=(0.1, 0.33)))
+    covariance = found.covariance
+    names = [p.name.removesuffix(" of joint 1") for p in covariance.parameters]
+    known = dict(zip(names, covariance.identified, strict=True))
+    assert known["coulomb"] and known["viscous"]
+    assert not known["peak"] and not known["stribeck_velocity"]

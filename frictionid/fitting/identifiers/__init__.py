@@ -1,8 +1,7 @@
 """Identifiers: fit the parameters of friction to one-step problems."""
 
 from .check_identifier import check_identifier
-from .flexible import Flexible
-from .least_squares import LeastSquares
+from .least_squares import Flexible, LeastSquares
 from .published import BlackBox, Frictionless, Published
 from .regressor import Regressor
 from .sindy import SINDy, SparseDynamics

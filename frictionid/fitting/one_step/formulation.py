@@ -13,7 +13,7 @@ from frictionid.arrays import Array, usual_step
 from frictionid.config import NotNegative, validated
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.recordings import Dataset
-from frictionid.data.signals import Signal, taken
+from frictionid.data.signals import taken
 from frictionid.data.state_estimators import RTS, Backward, Estimator, States, thin
 from frictionid.errors import InputError
 from frictionid.friction import Friction
@@ -100,13 +100,10 @@ def states_of(
     if sample_time is None:
         return estimator(angles)
     if isinstance(estimator, Backward):  # differences need the samples they are used at
-        return estimator([_thinned(a, sample_time) for a in angles])
+        few = [thin(States(*a[:2], a.value), sample_time).time for a in angles]
+        pairs = zip(angles, few, strict=True)
+        return estimator([taken(a, np.searchsorted(a.time, time)) for a, time in pairs])
     return tuple(thin(s, sample_time) for s in estimator(angles))
-
-
-def _thinned(angle: Signal, sample_time: float) -> Signal:
-    s = thin(States(angle.time, angle.value, angle.value), sample_time)
-    return taken(angle, np.searchsorted(angle.time, s.time))
 
 
 def problem_of(

@@ -18,5 +18,5 @@ from .refine import refine
 from .sample_intervals import Intervals, intervals_of
 from .servo import drive_of
 from .settings import Settings
-from .solution import Solution
 from .window_states import SampleWindows, solve_states
+from .windows import Solution

@@ -18,7 +18,7 @@ from ..fit import Covariance
 from ..gauss_newton import MAD
 from ..parameters.parameter_block import Estimate, Parameter, ParameterBlock
 from .sample_intervals import Intervals, cut_windows
-from .solution import Solution
+from .windows import Solution
 
 _FEW = 4  # windows: of fewer, no interval is worth the name
 _STILL = 10.0  # [noise]: a joint that moves less does not move

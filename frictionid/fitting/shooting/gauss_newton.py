@@ -28,7 +28,6 @@ from ..parameters.parameter_block import (
 )
 from .problem import ShootingProblem
 from .sample_intervals import cut_windows
-from .solution import Solution
 from .window_steps import (
     Point,
     cost_of,
@@ -38,7 +37,7 @@ from .window_steps import (
     moved_nodes,
     with_windows_checked,
 )
-from .windows import NormalEquations, eliminate_states
+from .windows import NormalEquations, Solution, eliminate_states
 
 _DAMPING = (1e-8, 1e4)
 _WORSE = 1.02  # a cost that grows by more was a step too far
@@ -78,10 +77,6 @@ class _Step(NamedTuple):
     def largest(self) -> float:
         """Largest move of a parameter in standard errors."""
         return float((np.abs(self.solution.move) / self.error).max(initial=0.0))
-
-    def converged(self, tolerance: float) -> bool:
-        """Whether it moved no parameter by more than a share of its standard error."""
-        return bool(self.largest <= self.share * tolerance) and self.damping < _DAMPED
 
 
 def solve(
@@ -203,7 +198,7 @@ def _converged(last: _Step, begins: Sequence[tuple[float, Array]]) -> bool:
     average, by more than a quarter of its standard error, nor did it stray by more than one.
     """
     tolerance = last.solution.problem.settings.tolerance
-    if last.converged(tolerance):
+    if last.largest <= last.share * tolerance and last.damping < _DAMPED:
         return True
     damped = [k for k, (damping, _) in enumerate(begins) if damping >= _DAMPED]
     way = np.stack([*(values for _, values in begins), last.solution.values]) / last.error

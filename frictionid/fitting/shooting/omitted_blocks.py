@@ -22,9 +22,8 @@ from ..sandwich import sandwich, shown_once, solve_scaled, step_of
 from .data_checks import telling
 from .problem import shooting_problem
 from .servo import has_actuator, with_servo
-from .solution import Solution
 from .window_steps import linearised_at
-from .windows import eliminate_states
+from .windows import Solution, eliminate_states
 
 OFFERED: tuple[ParameterBlock, ...] = (InertiaBlock(), DelayBlock(), BiasBlock(), OffsetBlock())
 OF_SERVOS: tuple[ParameterBlock, ...] = (

@@ -106,7 +106,7 @@ class ShootingProblem:
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
         out, intervals = Linearisation.zeros(nodes, self._angle()), self.intervals
-        n, plant = intervals.n, self._plant(estimate)
+        plant = self._plant(estimate)
         drive = drive_of(intervals, estimate.calibration, estimate.mechanism)
         changes = changes_of(intervals, estimate, self.blocks, drive)
         drive = drive._replace(changes=tuple(changes))
@@ -117,8 +117,7 @@ class ShootingProblem:
             alike = rows[pieces == count]
             size = len(alike) * nodes.shape[1] * (nodes.shape[1] + self.count)
             for part in np.array_split(alike, max(1, -(-size // NUMBERS))):
-                memory = memory_of(nodes[part], estimate.mechanism)
-                start = State(nodes[part, :n], nodes[part, n : 2 * n], memory)
+                start = state_of(nodes[part], estimate.mechanism)
                 here = model._replace(plant=self._plant_at(estimate, plant, part, feedback))
                 motor = self._motor_torque(estimate, drive, part, int(count))
                 longest = float(intervals.dt[part].max()) / count
@@ -308,10 +307,11 @@ def rounded_up(counts: Array) -> Array:
     return (np.ceil(counts / unit) * unit).astype(int)
 
 
-def memory_of(nodes: Array, mechanism: Mechanism) -> tuple[Array, ...]:
-    """Entries (K, m) of the memory in nodes (K, s)."""
+def state_of(nodes: Array, mechanism: Mechanism) -> State:
+    """The states in nodes (K, s), with entries (K, m) of the memory."""
     n, m = mechanism.n, len(mechanism.friction_names)
-    return tuple(nodes[:, i : i + m] for i in range(2 * n, nodes.shape[1], m))
+    memory = tuple(nodes[:, i : i + m] for i in range(2 * n, nodes.shape[1], m))
+    return State(nodes[:, :n], nodes[:, n : 2 * n], memory)
 
 
 def shooting_problem(

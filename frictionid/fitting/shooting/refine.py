@@ -35,8 +35,8 @@ from .networks import as_given
 from .omitted_blocks import omitted_blocks, widened
 from .sample_intervals import Intervals, intervals_of
 from .settings import DEFAULT_BLOCKS, Settings, applicable
-from .solution import Solution
 from .stages import Stage, begun, solved, that_may_be_free, with_neutral
+from .windows import Solution
 
 _LENGTHS = (0.5, 0.7, 1.5)  # times those of the fit's windows
 

@@ -1,6 +1,6 @@
 """The recordings as one series of sample intervals, with measured angles and torque on demand."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.base_motion import BASE_COLUMNS
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.recordings import Dataset, Recording
@@ -97,24 +96,29 @@ class Intervals:
     @cached_property
     def temperature(self) -> Array | None:
         """Temperature (K, n) [degC] of joints in the middle of each; None unless all know it."""
-        out, middle = np.empty_like(self.q), self.time + self.dt / 2
-        for r, recording in enumerate(self.dataset.recordings):
-            rows = self.recording == r
-            values = recording.temperature_at(middle[rows], self.dataset.mechanism.joints)
-            if values is None:
-                return None
-            out[rows] = values
-        return out
+        joints = self.dataset.mechanism.joints
+        return self._in_the_middle(lambda r, time: r.temperature_at(time, joints))
 
     @cached_property
     def base_motion(self) -> Array | None:
         """Motion (K, 9) of a floating base in the middle of each; None where it does not move."""
-        out, middle = np.empty((len(self.time), BASE_COLUMNS)), self.time + self.dt / 2
+        return self._in_the_middle(lambda r, time: r.base_motion and sample(r.base_motion, time))
+
+    @property
+    def middle(self) -> Array:
+        """Time (K,) [s] in the middle of each."""
+        return self.time + self.dt / 2
+
+    def _in_the_middle(self, of: Callable[[Recording, Array], Array | None]) -> Array | None:
+        """What recordings say in the middle of each interval (K, ...); None unless all do."""
+        out = None
         for r, recording in enumerate(self.dataset.recordings):
-            if recording.base_motion is None:
+            rows = np.flatnonzero(self.recording == r)
+            values = of(recording, self.middle[rows])
+            if values is None:
                 return None
-            rows = self.recording == r
-            out[rows] = sample(recording.base_motion, middle[rows])
+            out = np.empty((len(self.time), values.shape[1])) if out is None else out
+            out[rows] = values
         return out
 
     def take(self, rows: Array) -> "Intervals":
@@ -223,7 +227,7 @@ def logged_torque(
 
     Before gain and bias, but with the calibration's delay; held or interpolated as it was logged.
     """
-    edges = intervals.time[rows, None] + intervals.dt[rows, None] * share - float(calibration.delay)
+    edges = intervals.time[rows, None] + intervals.dt[rows, None] * share - calibration.delay
     return pieces_of(intervals.torque, intervals.recording[rows], edges)
 
 

@@ -115,7 +115,7 @@ def _change(
 
 def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Loop:
     """The servos' feedback by the recorded motion in the middle of each interval."""
-    n, middle = intervals.n, intervals.time + intervals.dt / 2 - float(calibration.delay)
+    n, middle = intervals.n, intervals.middle - calibration.delay
     feedback, (q, w) = np.zeros((len(middle), 2, n)), np.zeros((2, len(middle), n))
     for group in intervals.servos:
         rows, r = _rows(intervals, group)
@@ -128,7 +128,7 @@ def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Lo
         feedback[rows] = linear.feedback * motors
         feedback[rows, 1] -= servo.delay * feedback[rows, 0]
     K, B = np.moveaxis(feedback, 1, 0)
-    late = np.stack([K, B - float(calibration.delay) * K], axis=1)
+    late = np.stack([K, B - calibration.delay * K], axis=1)
     return Loop(feedback, q, w, calibration.gain * late)
 
 
@@ -141,7 +141,7 @@ def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) 
     for group in intervals.servos:
         rows, r = _rows(intervals, group)
         servo = calibrated_servo(group.servo, calibration)
-        edges = intervals.time[rows] - float(calibration.delay) - servo.delay + group.later[r]
+        edges = intervals.time[rows] - calibration.delay - servo.delay + group.later[r]
         motion = ServoMotion.along(intervals, group, servo)
         torque = torque_signal(servo, motion, edges, feedback[rows])
         for m in group.members:
@@ -338,7 +338,7 @@ def check_servo(
 def _connected(intervals: Intervals, estimate: Estimate) -> Array:
     """Whether (K, n) the motor of a joint is connected in the middle of an interval: 1 or 0."""
     out = np.zeros((len(intervals.dt), intervals.n))
-    middle = intervals.time + intervals.dt / 2 - float(estimate.calibration.delay)
+    middle = intervals.middle - estimate.calibration.delay
     for r, recording in enumerate(intervals.dataset.recordings):
         if recording.servo is not None:
             rows = intervals.recording == r

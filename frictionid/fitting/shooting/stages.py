@@ -36,7 +36,7 @@ from .problem import ShootingProblem, shooting_problem
 from .sample_intervals import Intervals
 from .servo import with_servo
 from .settings import WINDOWS, Settings
-from .solution import Solution
+from .windows import Solution
 
 _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle

@@ -16,7 +16,7 @@ from frictionid.friction.coordinates import at_places
 from frictionid.friction.wrapped import held
 from frictionid.mechanics import Plant
 
-from .problem import Linearisation, memory_of
+from .problem import Linearisation, state_of
 from .sample_intervals import Intervals
 from .windows import (
     START_VELOCITY,
@@ -132,7 +132,7 @@ def _linearised(
 ) -> Linearisation:
     """End states of all intervals from nodes (K, s), and their derivatives by these."""
     intervals, u, n, K = samples.intervals, samples.u, samples.intervals.n, len(nodes)
-    owner, mechanism, first = samples.owner, plant.mechanism, np.arange(min(64, K))
+    owner, first = samples.owner, np.arange(min(64, K))
     part = float(intervals.dt.max()) / len(u)
     step_size_of(plant, friction, part)  # refuses laws that no step resolves
     place = owner  # of each interval's own friction
@@ -147,8 +147,7 @@ def _linearised(
         here = replace(plant[owner[rows]], feedback=loop)
         here = here.on_base(None if motion is None else motion[rows])
         model = MotionModel(here, friction[place[rows]], _NO_PARAMETER, (), reads)
-        memory = memory_of(nodes[rows], mechanism)
-        start = State(nodes[rows, :n], nodes[rows, n : 2 * n], memory)
+        start = state_of(nodes[rows], plant.mechanism)
         torque, by = u[:, rows], np.empty((len(u), 0, len(rows), n))
         motor = MotorTorque(torque, by, 0.0 * torque, by)
         with np.errstate(all="ignore"):
@@ -194,9 +193,8 @@ def _last_states(
     samples: SampleWindows, friction: Friction, nodes: Array, end: Array, used: Array
 ) -> State:
     """States at the ends of windows, `known` (W,), of the ends (K, s) of intervals from nodes."""
-    n, law, mechanism = samples.intervals.n, friction.law, samples.intervals.dataset.mechanism
-    last = samples.windows[used].max(axis=1)
-    state = State(end[last, :n], end[last, n : 2 * n], memory_of(end[last], mechanism))
+    law, last = friction.law, samples.windows[used].max(axis=1)
+    state = state_of(end[last], samples.intervals.dataset.mechanism)
     if law.sample_time is None:
         return state
     memory = tuple(z[used] for z in _between_samples(samples, friction, nodes)[1])

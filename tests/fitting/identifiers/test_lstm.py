@@ -1,20 +1,26 @@
 """The identifier `lstm`: cells that read velocity samples, trained on pieces of recordings."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from fixtures import tiny_pendulums as tiny
 from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.learned_laws import costs_of_rows, drawn
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
+from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.cells import CompiledCells, cells
+from frictionid.fitting.networks.compressed import CompressedNetwork
 from frictionid.fitting.networks.network import Network
+from frictionid.fitting.networks.training import compiled, compiler
 from frictionid.fitting.networks.training_sets import FoldStack, SequenceTrainingSet
+from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, WindowMLP, check_law
 
@@ -166,3 +172,81 @@ def test_memory_finds_what_a_static_law_cannot(learner):
     found = learner.fit(problem, weights, 0)
     assert found.law.sample_time == pytest.approx(0.02)
     assert cost(problem, weights, found) < 0.5 * cost(problem, weights, static)
+
+
+# --- Compiled costs, devices ----------------------------------------------------------------------
+
+TINY = Network(MLP((2,)), epochs=2, batch=64)
+
+
+@pytest.mark.skipif(not compiler(), reason="no C++ compiler, which PyTorch needs, is found")
+def test_a_compiled_network_learns_the_same():
+    from torch._inductor import config as inductor  # takes seconds
+
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
+    eager = along(TINY.fit(problem, weights, 0), problem.nodes)
+    # code for no particular processor, without optimisation: most of the time is the compiler's
+    plain = {"cpp.simdlen": 1, "aot_inductor.debug_compile": True, "compile_threads": 1}
+    with inductor.patch({**plain, "cpp_cache_precompile_headers": False}):
+        quick = along(replace(TINY, compile=True).fit(problem, weights, 0), problem.nodes)
+    assert_allclose(quick, eager, rtol=0, atol=1e-9 * np.abs(eager).max())
+
+
+def test_what_cannot_be_compiled_is_refused_in_one_line(monkeypatch):
+    def broken(*_):
+        raise RuntimeError("InvalidCxxCompiler: No working C++ compiler\nand much more")
+
+    monkeypatch.setattr(torch, "compile", lambda _: broken)
+    with pytest.raises(InputError, match=r"compile = true.*No working.*leave compile out"):
+        compiled(torch.sin)(torch.ones(1))
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (
+            {"compile": True},
+            "identifier 'mlp'.*needs a C.. compiler.*'no-such-compiler'.*leave comp",
+        ),
+        pytest.param(
+            {"device": "cuda"},
+            "PyTorch sees no CUDA device here: leave the device out",
+            marks=pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device"),
+        ),
+    ],
+    ids=["compiler", "device"],
+)
+def test_a_suite_without_what_it_asks_for_computes_nothing(
+    settings, words, tmp_path, run, monkeypatch
+):
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    network = {"kind": "mlp", "solver": "adam", **settings}
+    file = tiny.write_suite(tmp_path, [("identifiers", [{"kind": "none"}, network])])
+    code, out, err = run(tmp_path, "compare", file, "--out", "out")
+    assert (code, out, err.count("\n")) == (2, "", 1) and not (tmp_path / "out").exists()
+    assert re.search(f"^frictionid: .*{words}", err)
+
+
+# --- Slow machines --------------------------------------------------------------------------------
+
+SLOW = 0.01  # times as fast
+IDENTIFIERS = {
+    "least squares": (LeastSquares, Stribeck(), {}),
+    "compressed squares": (CompressedNetwork, MLP((3,)), {"nodes": 6}),
+    "static network": (Network, MLP((3,)), {"epochs": 2}),
+    "recurrent network": (Network, LSTM(2, hidden=(2,)), {"epochs": 2}),
+}
+
+
+@pytest.mark.parametrize(("kind", "law", "settings"), IDENTIFIERS.values(), ids=IDENTIFIERS)
+def test_a_slow_slide_is_fitted_whatever_the_width(kind, law, settings):
+    problem = synthetic_problem(1)
+    inputs = problem.nodes.inputs
+    slow = problem.nodes._replace(inputs=inputs._replace(w=SLOW * inputs.w))
+    masked = mask_stiction(replace(problem, nodes=slow, slowest=SLOW * problem.slowest), 0.2 * SLOW)
+    fits = [
+        kind(law.with_width(width), **settings).fit(masked, np.ones((1, len(masked.r))), 0)
+        for width in (0.02, 0.001)
+    ]
+    assert_array_equal(fits[0].theta, fits[1].theta)

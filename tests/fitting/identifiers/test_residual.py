@@ -1,5 +1,6 @@
 """Laws of one-step problems: the true friction leaves nothing, whatever acts enters affinely."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,9 +11,11 @@ from scipy.integrate import solve_ivp
 
 from frictionid.arrays import inverse, times
 from frictionid.data.integrals import averages
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, sample
-from frictionid.data.state_estimators import States
+from frictionid.data.state_estimators import RTS, States
+from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import euler_step
 from frictionid.fitting.one_step.residual import (
@@ -20,9 +23,15 @@ from frictionid.fitting.one_step.residual import (
     one_step_problem,
     stiction_mask,
 )
+from frictionid.fitting.one_step.torque_outliers import (
+    torque_outliers,
+    without_torque_outliers,
+)
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 from frictionid.mechanics import Plant, acrobot, double_pendulum
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate
+from frictionid.simulate import Stribeck as TrueStribeck
 
 MACHINE = double_pendulum()
 PROBLEMS = {name: partial(one_step_problem, name) for name in ("euler", "integral")}
@@ -31,7 +40,7 @@ SHARP = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7,
 LAG = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0.7, 0.01, 0.1]]))
 
 
-def plant_of(count, **parameters):
+def plants(count, **parameters):
     """Plant with one entry for each recording."""
     own = {name: np.broadcast_to(value, count) for name, value in parameters.items()}
     return Plant.from_parameters(MACHINE, {"m1": np.full(count, 0.5), **own})
@@ -85,7 +94,7 @@ def test_the_residual_of_the_true_friction_vanishes_with_the_order_of_the_rule(n
     steps, residuals = (1 / 80, 1 / 160, 1 / 320), []
     for dt in steps:
         recording, states = true_motion(dt)
-        problem = PROBLEMS[name](plant_of(1), [recording], [states])
+        problem = PROBLEMS[name](plants(1), [recording], [states])
         residual = problem.residual(along(SMOOTH, problem.nodes))
         residuals.append(np.sqrt((residual**2).mean()))
     slope = np.polyfit(np.log(steps), np.log(residuals), 1)[0]
@@ -97,19 +106,19 @@ def test_the_residual_of_the_true_friction_vanishes_with_the_order_of_the_rule(n
 
 def test_the_euler_residual_is_the_prediction_of_an_euler_step_minus_the_measurement():
     recording, states = made_up(np.random.default_rng(2))
-    problem = PROBLEMS["euler"](plant_of(1), [recording], [states])
+    problem = PROBLEMS["euler"](plants(1), [recording], [states])
     begin = State(states.q[:-1], states.w[:-1])
     dt = np.diff(states.time)[:, None]
     u = averages(recording.torque, states.time)
-    predicted = euler_step(Instant(plant_of(1)[0], SHARP, begin, u), dt)
+    predicted = euler_step(Instant(plants(1)[0], SHARP, begin, u), dt)
     residual = problem.residual(along(SHARP, problem.nodes))
     assert_allclose(residual, predicted.w - states.w[1:], rtol=0, atol=1e-12)
 
 
 def test_the_integral_residual_is_the_momentum_balance():
     recording, states = made_up(np.random.default_rng(4))
-    plant = plant_of(1)[0]
-    problem = PROBLEMS["integral"](plant_of(1), [recording], [states])
+    plant = plants(1)[0]
+    problem = PROBLEMS["integral"](plants(1), [recording], [states])
     residual = problem.residual(along(SHARP, problem.nodes))
     u = averages(recording.torque, states.time)
     for k in (0, 7, 28):
@@ -138,9 +147,9 @@ def test_joints_without_motor_feel_no_torque(build):
 
 def test_G_is_what_an_impulse_of_friction_does(build):
     recording, states = made_up(np.random.default_rng(9))
-    problem = build(plant_of(1), [recording], [states])
+    problem = build(plants(1), [recording], [states])
     at = states.q[:-1] if build is PROBLEMS["euler"] else states.q[1:]
-    M = plant_of(1)[0].mechanism.inertia(plant_of(1).p[0], at)
+    M = plants(1)[0].mechanism.inertia(plants(1).p[0], at)
     dt = np.diff(states.time)
     assert_allclose(problem.G, inverse(M) * dt[:, None, None], rtol=1e-12)
     assert_array_equal(problem.dt, dt)
@@ -159,7 +168,7 @@ def three(rng):
 
 def test_several_recordings_are_each_alone_with_its_own_parameters(build):
     recordings, states = three(np.random.default_rng(10))
-    plant = plant_of(3, m2=np.array([0.3, 0.5, 0.6]))
+    plant = plants(3, m2=np.array([0.3, 0.5, 0.6]))
     together = build(plant, recordings, states)
     residual = together.residual(along(LAG, together.nodes))
     for i in range(3):
@@ -169,13 +178,13 @@ def test_several_recordings_are_each_alone_with_its_own_parameters(build):
         assert_array_equal(together.G[rows], alone.G)
         own = alone.residual(along(LAG, alone.nodes))
         assert_allclose(residual[rows], own, rtol=0, atol=1e-13)
-    other = build(plant_of(3), recordings, states)
+    other = build(plants(3), recordings, states)
     assert (np.abs(other.r - together.r).max(axis=1) > 0)[together.recording == 0].all()
 
 
 def test_history_drops_the_first_rows_of_each_recording_and_nothing_else(build):
     recordings, states = three(np.random.default_rng(11))
-    whole, late = (build(plant_of(3), recordings, states, history=h) for h in (0, 5))
+    whole, late = (build(plants(3), recordings, states, history=h) for h in (0, 5))
     first = np.concatenate([s.time[:5] for s in states])
     keep = ~np.isin(whole.time, first)
     assert late.history == 5 and keep.sum() == 11 + 24 + 17 - 15
@@ -188,19 +197,19 @@ def test_history_drops_the_first_rows_of_each_recording_and_nothing_else(build):
 
 def test_recordings_shorter_than_the_history_give_no_rows_and_none_at_all_is_an_error(build):
     recordings, states = three(np.random.default_rng(12))
-    problem = build(plant_of(3), recordings, states, history=17)
+    problem = build(plants(3), recordings, states, history=17)
     assert set(problem.recording) == {1}
     with assert_refused("no recording is longer than the 24 samples of history"):
-        build(plant_of(3), recordings, states, history=24)
+        build(plants(3), recordings, states, history=24)
 
 
 def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
     recordings, states = three(np.random.default_rng(15))
-    whole = build(plant_of(3), recordings, states)
+    whole = build(plants(3), recordings, states)
     s = states[1]
     lost = slice(8, 16)  # of 25 samples
     holed = States(*(np.delete(part, lost, axis=0) for part in s.motion))
-    problem = build(plant_of(3), recordings, [states[0], holed, states[2]])
+    problem = build(plants(3), recordings, [states[0], holed, states[2]])
     assert problem.dt.max() < 2 * np.median(np.diff(s.time))
     gone = (whole.recording == 1) & (whole.time >= s.time[7] - 1e-9) & (whole.time < s.time[16])
     assert_array_equal(problem.r, whole.r[~gone])
@@ -208,7 +217,7 @@ def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
 
 def test_nodes_are_in_order_and_rows_find_theirs():
     recordings, states = three(np.random.default_rng(13))
-    problem = PROBLEMS["integral"](plant_of(3), recordings, states, history=2)
+    problem = PROBLEMS["integral"](plants(3), recordings, states, history=2)
     nodes = problem.nodes
     assert_array_equal(np.diff(nodes.first), [23, 49, 35])
     assert nodes.per_sample == 2 and len(nodes.time) == nodes.first[-1]
@@ -230,8 +239,8 @@ def test_nodes_are_in_order_and_rows_find_theirs():
 
 def test_laws_see_torque_and_bearing_load_at_their_nodes():
     recording, states = made_up(np.random.default_rng(16))
-    plant = plant_of(1)[0]
-    nodes = PROBLEMS["integral"](plant_of(1), [recording], [states]).nodes
+    plant = plants(1)[0]
+    nodes = PROBLEMS["integral"](plants(1), [recording], [states]).nodes
     assert_array_equal(nodes.inputs.u[1::2], averages(recording.torque, states.time))
     assert_array_equal(nodes.inputs.u[::2], sample(recording.torque, states.time))
     assert_array_equal(nodes.inputs.load, plant.load(*nodes.inputs[:3]))
@@ -246,7 +255,7 @@ def slow(rng, build):
     w = 1.0 + rng.random(states.w.shape)
     w *= rng.choice([1.0, 1.0, 1.0, 0.01, -1.0], states.w.shape)
     q = np.cumsum(w * np.gradient(states.time)[:, None], axis=0)
-    return build(plant_of(1), [recording], [states._replace(q=q, w=w)])
+    return build(plants(1), [recording], [states._replace(q=q, w=w)])
 
 
 def test_the_stiction_mask_marks_joints_that_are_slow_at_a_node_or_reverse(build):
@@ -269,3 +278,80 @@ def test_a_masked_residual_is_the_least_that_any_friction_of_masked_joints_leave
         free = problem.G[k][:, resting]
         left = residual[k] - free @ np.linalg.pinv(free) @ residual[k]
         assert_allclose(least[k], left, rtol=0, atol=1e-9)
+
+
+# --- Outliers of torques --------------------------------------------------------------------------
+
+
+def states_of(data):
+    return RTS()([r.angle for r in data.recordings])
+
+
+def with_wild_torques(data, share, size, rng):
+    recordings, masks = [], []
+    for r in data.recordings:
+        value = np.array(r.torque.value)
+        wild = (rng.random(value.shape) < share) & value.any(axis=0)
+        value += wild * rng.choice([-size, size], value.shape)
+        recordings.append(replace(r, torque=r.torque._replace(value=value)))
+        masks.append(wild)
+    return replace(data, recordings=tuple(recordings)), masks
+
+
+@pytest.mark.parametrize(("share", "hold"), [(0.01, "previous"), (0.1, "linear")])
+def test_torques_that_the_motion_denies_are_replaced_by_their_neighbours(clean, share, hold):
+    held = tuple(replace(r, torque=r.torque._replace(hold=hold)) for r in clean.recordings)
+    data = replace(clean, recordings=held)
+    wild, masks = with_wild_torques(data, share, 1.0, np.random.default_rng(0))
+    found = torque_outliers(wild, plant_of(wild), states_of(wild))
+    missed = sum((a & ~b).sum() for a, b in zip(masks, found, strict=True))
+    assert missed <= 0.1 * sum(a.sum() for a in masks)
+    assert not any((b & ~a).any() for a, b in zip(masks, found, strict=True))
+    mended = without_torque_outliers(wild, plant_of(wild), states_of(wild))
+    off = []
+    each = zip(data.recordings, wild.recordings, mended.recordings, found, strict=True)
+    for before, logged, after, mask in each:
+        assert_array_equal(after.torque.value[~mask], logged.torque.value[~mask])
+        off.append(np.abs(after.torque.value - before.torque.value)[mask])
+    assert np.quantile(np.concatenate(off), 0.9) < 0.1  # but beside one that was missed
+
+
+def test_torques_of_clean_data_stay_steps_and_all(clean):
+    assert without_torque_outliers(clean, plant_of(clean), states_of(clean)) is clean
+
+
+def test_short_pulses_that_acted_stay():
+    """A pendulum that is struck: one sample of torque in twenty, far off its neighbours."""
+    strokes = (Sine(1.5, 0.4),)
+    rig = Rig(
+        "struck",
+        {"kind": "pendulum"},
+        TrueStribeck(Curve((0.3,), (0.3,), (0.05,))),
+        Camera(300, 60.0, 1e-3),
+        (Run("a", (1.0,), (), strokes),),
+        substeps=4,
+    )
+    data = simulate(rig)
+    recording = data.recordings[0]
+    rng = np.random.default_rng(1)
+    wild = rng.random(recording.torque.value.shape) < 0.05
+    pulses = recording.torque.value + 6.0 * wild * rng.choice([-1.0, 1.0], wild.shape)
+    struck = replace(recording, torque=recording.torque._replace(value=pulses))
+    # the pulses are logged, but did not act: all are denied
+    logged = replace(data, recordings=(struck,))
+    found = torque_outliers(logged, plant_of(logged), states_of(logged))[0]
+    assert (found & wild).sum() >= 0.9 * wild.sum()
+    # the motion of a pendulum that they did act on shows them: none is
+    acted = replace(data, recordings=(moved_by(struck, data),))
+    assert not torque_outliers(acted, plant_of(acted), states_of(acted))[0].any()
+
+
+def moved_by(recording, data):
+    """The recording with the motion under its own torque and viscous friction, and angle noise."""
+    time, torque = recording.angle.time, recording.torque
+    viscous = Friction(CoulombViscous(), np.array([[0.0, 0.3]]))
+    start = State(recording.angle.value[0], np.zeros(1))
+    q = rollout(plant_of(data)[0], viscous, start, torque.value[: len(time) - 1], np.diff(time)).q
+    noise = 1e-3 * np.random.default_rng(2).normal(size=q.shape)
+    held = torque._replace(hold="previous")
+    return replace(recording, angle=Signal(time, q + noise), torque=held, truth=None)

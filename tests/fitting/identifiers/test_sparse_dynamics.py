@@ -6,17 +6,22 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures.black_box_pendulum import LENGTH, MASS, VISCOUS, acceleration, pendulum
+from fixtures.compared import compare
 from fixtures.refusals import assert_refused
 from scipy.integrate import solve_ivp
 
 from frictionid.comparison.fit_model import fit_model
+from frictionid.comparison.suite import identifier_named
+from frictionid.data.plants import unit_inertia_plant
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.evaluation import Protocol, prepare, prepared_for, score_model
+from frictionid.evaluation import Protocol, Split, make_folds, prepare, prepared_for, score_model
 from frictionid.fitting.identifiers import BlackBox, SparseDynamics
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.friction import Inputs
-from frictionid.friction.laws import StateLibrary, check_law
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.residual import mask_stiction
+from frictionid.friction import Inputs, along
+from frictionid.friction.laws import StateLibrary
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.mechanics import Plant, unit_inertia
 from frictionid.simulate import Camera
@@ -50,10 +55,6 @@ def test_what_it_finds_predicts_as_the_truth_does():
     q = rollout(Plant.from_parameters(unit_inertia(("rad",)), {}), box, start, u, dt).q[:, 0]
     true = solve_ivp(lambda _, x: [x[1], acceleration(*x, 0.3)], (0.0, 1.0), [0.8, 0.0], rtol=1e-8)
     assert q[-1] == pytest.approx(true.y[0, -1], abs=0.01)
-
-
-def test_it_keeps_to_the_contract_of_laws():
-    check_law(StateLibrary(joints=2, degree=2), level=False)
 
 
 def test_unit_mechanism_knows_nothing_of_the_machine():
@@ -112,3 +113,49 @@ def test_the_equation_has_an_interval_behind_each_coefficient():
     assert line == "dw1/dt = (3 +- 0.25) - (20 +- 0.25) sin1 - 0.5 w1 + (8 +- 0.25) u1"
     assert law.equation(-theta)[0] == "dw1/dt = -3 + 20 sin1 + 0.5 w1 - 8 u1"
     assert law.equation(0 * theta) == ["dw1/dt = 0"]
+
+
+# --- Networks -------------------------------------------------------------------------------------
+
+KINDS = ["blackbox_mlp", "blackbox_lstm"]
+# Errors that each stays below: of acceleration, relative, and of the angle after 0.25 s [rad].
+ERRORS = {"blackbox_mlp": (0.1, 0.1), "blackbox_lstm": (0.2, 0.2)}
+EACH = pytest.mark.parametrize("kind", KINDS)
+
+
+@cache
+def box(kind):
+    return identifier_named(kind, {"hidden": [16], "epochs": 30, "batch": 32})
+
+
+@cache
+def compared(kind):
+    """What a comparison makes of it, with the friction of all data."""
+    folds = make_folds(pendulum().recordings, Split(count=2))
+    protocol = Protocol((0.25,), every=0.5, history=0.0)
+    (result,) = compare(pendulum(), {"box": box(kind)}, folds, protocol=protocol).values()
+    return result
+
+
+@EACH
+def test_the_acceleration_of_a_pendulum_is_learned(kind):
+    nodes = training_problem(pendulum(), unit_inertia_plant(pendulum()), INTEGRAL).nodes
+    true = acceleration(*nodes.inputs[:3])
+    error = -along(compared(kind).overall, nodes) - true
+    assert np.sqrt(np.mean(error**2)) < ERRORS[kind][0] * np.sqrt(np.mean(true**2))
+
+
+@EACH
+def test_it_predicts_what_was_held_out(kind):
+    result = compared(kind)
+    changes = training_problem(pendulum(), unit_inertia_plant(pendulum()), INTEGRAL).r
+    assert result.value("one_step_integral", "rms") < 0.5 * np.sqrt(np.mean(changes**2))
+    assert result.value("rollout_angle", "median", 0.25) < ERRORS[kind][1]
+    assert np.isnan(result.curves).all()  # it is no friction curve
+
+
+@EACH
+def test_problems_with_masked_rows_are_refused(kind):
+    problem = mask_stiction(synthetic_problem(1), 1.0)
+    with assert_refused("velocity_threshold = 0"):
+        box(kind).fit(problem, np.ones((1, len(problem.r))), 0)

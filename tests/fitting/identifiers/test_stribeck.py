@@ -16,7 +16,6 @@ from numpy.testing import assert_allclose
 from frictionid.arrays import times
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous, Stribeck
 
 PLAIN, SYMMETRIC, ASYMMETRIC = CoulombViscous(), Stribeck(), Stribeck(symmetric=False)
@@ -96,35 +95,6 @@ def test_coulomb_viscous_in_stribeck_in_asymmetric_each_costs_no_more_than_the_l
         assert (costs[1] <= costs[0] * (1 + 1e-9)).all()
         assert (costs[2] <= costs[1] * (1 + 1e-9)).all()
         assert (costs[2] < 0.999 * costs[0]).any()
-
-
-def test_without_a_dip_in_the_data_stribeck_is_coulomb_viscous():
-    problem = explained_by(CoulombViscous(), [[0.1, 0.02], [0.05, 0.01]])
-    found = fit(SYMMETRIC, problem, everything(problem))
-    torque = along(found, problem.nodes)[0]
-    exact = CoulombViscous().torque(np.array([[0.1, 0.02], [0.05, 0.01]]), problem.nodes.inputs, ())
-    assert_allclose(torque, exact, atol=1e-9)
-
-
-def test_data_that_are_alike_in_both_directions_give_both_the_same_levels():
-    problem = explained_by(SYMMETRIC, TRUTH[SYMMETRIC])
-    theta = fit(ASYMMETRIC, problem, everything(problem)).theta[0]
-    assert_allclose(theta[:, 0], theta[:, 1], rtol=1e-6)
-    assert_allclose(theta[:, 2], theta[:, 3], rtol=1e-6)
-    assert_allclose(theta[:, [0, 2, 4, 5]], TRUTH[SYMMETRIC], rtol=1e-6)
-
-
-def test_the_best_start_is_no_worse_than_any_one_start():
-    rng = np.random.default_rng(4)
-    for _ in range(3):
-        theta = TRUTH[SYMMETRIC] * rng.uniform(0.0, 2.0, (2, 4))
-        theta[:, 2] = rng.uniform(0.4, 15.0, 2)
-        problem = explained_by(SYMMETRIC, theta, 3e-3, rng)
-        weights = everything(problem)
-        best = cost(problem, weights, fit(SYMMETRIC, problem, weights))
-        for start in [s for s in SYMMETRIC.initial if 0.2 < s[2] < 20.0]:
-            one = fit(with_initial(SYMMETRIC, start), problem, weights)
-            assert best <= cost(problem, weights, one) * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("shape", ["tanh", "arctan"])

@@ -1,5 +1,6 @@
 """Servos without a torque log: friction, the delay of the targets and backlash, by [actuator]."""
 
+import mujoco
 import numpy as np
 import pandas as pd
 import pytest
@@ -220,3 +221,62 @@ def test_gains_of_a_fast_controller_that_are_too_large_are_no_wrong_sign():
     found = {row.kind: row for row in fid.check(data).findings.itertuples()}
     assert "fast_loop" in found and all(row.level != "unusable" for row in found.values())
     assert found["gain"].numbers["size"] == pytest.approx(1 / 3, rel=0.3)
+
+
+# --- Envelopes ------------------------------------------------------------------------------------
+
+MOTOR = (0.4, 2.0, 5.0)
+NAMES = ("peak_torque", "knee_speed", "no_load_speed")
+TORN = ServoPendulum(**dict(zip(("peak", "knee", "no_load"), MOTOR, strict=True)))
+
+
+def torn(rig, given):
+    logs = {f"{k}": rig.log(10.0, 0.15, seed=k, seconds=6.0) for k in range(3)}
+    envelope = {} if given is None else dict(zip(NAMES, given, strict=True))
+    return by_controller(rig, logs, P=10.0, D=0.15, delay=rig.delay, **envelope)
+
+
+def free_run_error(fit, data):
+    run = fit.predict(data, whole=True)
+    return float(np.sqrt(np.mean((run["q1"] - run["measured_q1"]) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def envelope_fit():
+    data = torn(TORN, (0.5, 1.6, 5.5))
+    free = ["target_delay", "envelope"]
+    return fid.fit(data, "coulomb_viscous", method="shooting", free=free)
+
+
+def test_peak_knee_and_no_load_speed_follow_from_the_motion(envelope_fit):
+    rows = envelope_fit.frame[envelope_fit.frame.block == "envelope"]
+    assert rows.value.to_numpy() == pytest.approx(MOTOR, rel=0.01)
+    assert rows.identified.all() and ((rows.high_95 - rows.low_95) < 0.03 * rows.value).all()
+    friction = envelope_fit.frame[envelope_fit.frame.block == "friction"].value.to_numpy()
+    assert friction == pytest.approx([TORN.coulomb, TORN.viscous], rel=0.02)
+
+
+def test_free_runs_with_the_envelope_are_at_the_noise_and_without_it_far_off(envelope_fit):
+    assert free_run_error(envelope_fit, torn(TORN, MOTOR)) < 2 * TORN.noise
+    plain = fid.fit(torn(TORN, None), "coulomb_viscous", method="one_step")
+    assert free_run_error(plain, torn(TORN, None)) > 50 * TORN.noise
+
+
+def test_mujoco_predicts_the_same_by_its_own_motor(envelope_fit, tmp_path):
+    made = envelope_fit.export("mujoco", tmp_path / "rig.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "rig.xml"))
+    assert model.actuator_dyntype[0] == mujoco.mjtDyn.mjDYN_DCMOTOR
+    assert made.round_trip.mean_apart < 1e-3 and not made.lost
+
+
+def test_where_no_motor_saturates_it_is_not_identified():
+    data = torn(ServoPendulum(), (0.9, 9.0, 18.0))
+    fit = fid.fit(data, "coulomb_viscous", method="shooting", free=["target_delay", "envelope"])
+    rows = fit.frame[fit.frame.block == "envelope"]
+    assert not rows.identified.any() and rows.value.tolist() == pytest.approx([0.9, 9.0, 18.0])
+    assert any("never reaches the limit of its motor" in s for s in fit.friction.provenance.limits)
+
+
+def test_without_an_envelope_to_begin_with_there_is_one_clear_line():
+    with pytest.raises(fid.InputError, match="give the envelope that the fit begins with"):
+        fid.fit(torn(TORN, None), "coulomb_viscous", method="shooting", free=["envelope"])

@@ -1,10 +1,14 @@
 """Disturbed recordings are named, good ones are not; more cases: comparisons/odd_runs.py."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from odd_runs import BAD, named, sets_with
 
-from frictionid.fitting.shooting.data_checks import odd_among
+import frictionid as fid
+from frictionid.fitting.shooting.data_checks import angle_noise, odd_among
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.mechanics import pendulum
 
 NAMES = tuple(map(str, range(8)))
 
@@ -40,3 +44,21 @@ def test_a_recording_that_stands_off_by_little_is_not_worth_a_word(size):
     assert odd_among(sizes, NAMES) == ()
     sizes[4] = 2.0 * size
     assert [odd.recording for odd in odd_among(sizes, NAMES)] == ["4"]
+
+
+# --- Noise of fast motion -------------------------------------------------------------------------
+
+NOISE = 1e-3
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 2.5, 4.0], ids="{} Hz".format)
+def test_noise_does_not_vanish_in_fast_motion(rate):
+    """At 60 samples a second; from 2.5 Hz on the smoother takes off nothing."""
+    time, rng = np.arange(600) / 60.0, np.random.default_rng(0)
+    swing = 3.0 * np.sin(2 * np.pi * rate * time) + 1.5 * np.sin(0.62 * np.pi * rate * time)
+    angle = swing + rng.normal(scale=NOISE, size=time.shape)
+    table = pd.DataFrame({"t": time, "q": angle, "u": np.sin(time)})
+    data = fid.Dataset.from_frames({"r": table}, pendulum(), time="t", angle="q", torque="u")
+    (noise,) = angle_noise(intervals_of(data))
+    motion = 3.0 * (2 * np.pi * rate / 60.0) ** 3 / np.sqrt(20.0)  # third differences at most
+    assert 0.3 * NOISE < noise < 1.5 * NOISE + motion

@@ -140,13 +140,6 @@ def test_wrong_motor_constants_are_found_where_the_motor_is_disconnected_for_a_w
     assert (np.abs(covariance.values - true) < width).all()
 
 
-def test_what_is_given_back_has_the_law_that_was_given(found):
-    friction = found.friction
-    assert friction.law == START.law and friction.theta.shape == START.theta.shape
-    point, whole = found.bands(np.linspace(-5, 5, 5)[:, None])
-    assert np.isfinite(point).all() and (whole >= point).all()
-
-
 def test_the_torque_of_the_found_motor_is_judged_and_runs_free(found):
     protocol = Protocol(horizons=(0.25,), whole=True)
     view = with_calibration(prepare(both(), protocol), found.calibration)

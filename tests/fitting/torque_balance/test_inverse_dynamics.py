@@ -141,7 +141,7 @@ def test_the_balance_holds_along_exact_motion():
     assert off[0] / off[1] > 10  # fourth order: 16
 
 
-@pytest.mark.parametrize(("recordings", "count"), [(3, 0.0), (4, 0.0), (3, 2e-5)])
+@pytest.mark.parametrize(("recordings", "count"), [(4, 0.0), (3, 2e-5)])
 def test_joints_that_move_in_turn_show_their_friction(tmp_path, recordings, count):
     """Nothing scatters between recordings that show one joint each: stretches of them do.
 
@@ -254,11 +254,6 @@ def test_a_joint_without_motor_shows_no_inertia(clean):
 def test_a_given_friction_stays(clean):
     fitted = fit_model(clean, Frictionless(), InverseDynamics(blocks=(InertiaBlock(),)))
     assert fitted.theta.size == 0
-
-
-def test_settings_are_checked():
-    with assert_refused("window: it should be greater than 0"):
-        TorqueSettings(window=0.0)
 
 
 def test_a_suite_names_it():
