@@ -109,12 +109,12 @@ class Intervals:
         """Time (K,) [s] in the middle of each."""
         return self.time + self.dt / 2
 
-    def _in_the_middle(self, of: Callable[[Recording, Array], Array | None]) -> Array | None:
+    def _in_the_middle(self, value_at: Callable[[Recording, Array], Array | None]) -> Array | None:
         """What recordings say in the middle of each interval (K, ...); None unless all do."""
         out = None
         for r, recording in enumerate(self.dataset.recordings):
             rows = np.flatnonzero(self.recording == r)
-            values = of(recording, self.middle[rows])
+            values = value_at(recording, self.middle[rows])
             if values is None:
                 return None
             out = np.empty((len(self.time), values.shape[1])) if out is None else out
