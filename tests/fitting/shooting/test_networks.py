@@ -23,6 +23,7 @@ from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.laws import MLP, WindowMLP, check_law
+from frictionid.friction.laws import Stribeck as StribeckLaw
 from frictionid.simulate import Camera, Chirp, Curve, Rig, Run, Stribeck, simulate
 from frictionid.simulate.true_friction import FilmLag
 
@@ -179,6 +180,17 @@ def test_a_memory_of_samples_with_few_numbers_keeps_their_names():
         forecast(Friction(Sampled(), f.theta.numpy()), dataset) for f in (first, found.friction)
     )
     assert after < 0.2 * before
+
+
+def test_tensors_of_a_law_with_names_give_what_numpy_gives():
+    theta = np.array([[0.05, 0.05, 0.005, 0.005, 2.0, 0.005]])
+    law = StribeckLaw(symmetric=False)
+    ours, theirs = (
+        refine(Friction(law, start), swings(), settings=SHORT)
+        for start in (theta, torch.tensor(theta))
+    )
+    assert_allclose(ours.friction.theta, theirs.friction.theta.numpy(), rtol=1e-5)
+    assert_allclose(ours.covariance.matrix, theirs.covariance.matrix, rtol=1e-3)
 
 
 def test_each_fold_of_a_network_is_that_of_its_own_recordings():

@@ -256,6 +256,11 @@ def test_a_given_friction_stays(clean):
     assert fitted.theta.size == 0
 
 
+def test_settings_are_checked():
+    with assert_refused("window: it should be greater than 0"):
+        TorqueSettings(window=0.0)
+
+
 def test_a_suite_names_it():
     entry = RecipeEntry(name="torques", by="inverse_dynamics", free=["friction"], window=0.1)
     method = recipe_of(entry)
