@@ -1,4 +1,4 @@
-"""Covariance between recordings: intervals of a linear problem are as sure as they say."""
+"""Covariance between recordings: intervals as sure as they say, and what means nothing."""
 
 import numpy as np
 import pytest

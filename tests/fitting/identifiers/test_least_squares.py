@@ -1,4 +1,4 @@
-"""Least squares of any law: weights, data that decide nothing, speed."""
+"""Least squares of any law: weights of rows, data that decide nothing, speed."""
 
 import time
 from dataclasses import dataclass, replace

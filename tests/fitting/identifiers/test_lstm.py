@@ -1,4 +1,4 @@
-"""The identifier `lstm`: cells that read velocity samples, trained on pieces of recordings."""
+"""The identifier `lstm`, cells that read velocity samples; compiled costs, slow machines."""
 
 import re
 from dataclasses import replace

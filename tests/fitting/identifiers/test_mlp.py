@@ -1,4 +1,4 @@
-"""The identifier `mlp`: a static network, by Levenberg-Marquardt on compressed squares."""
+"""The identifiers `mlp`, by compressed squares, and `window_mlp`; ensembles, own networks."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The documentation's identifier of one's own: short, whole, and as good as ours on its own law."""
+"""Identifiers of one's own, as the documentation shows them, and published friction."""
 
 import sys
 from dataclasses import replace

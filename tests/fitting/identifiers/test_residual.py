@@ -1,4 +1,4 @@
-"""Laws of one-step problems: the true friction leaves nothing, whatever acts enters affinely."""
+"""Laws of one-step problems: the true friction leaves nothing; outliers of torques."""
 
 from dataclasses import replace
 from functools import partial

@@ -1,4 +1,4 @@
-"""The identifier `sindy`: which candidates friction has, and their coefficients."""
+"""The identifier `sindy`: which candidates friction has, their coefficients, active sets."""
 
 import time
 from dataclasses import replace

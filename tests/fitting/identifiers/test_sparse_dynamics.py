@@ -1,4 +1,4 @@
-"""Sparse dynamics without physics: known accelerations found again, files, refusals."""
+"""Models without physics, sparse and networks: known accelerations are found again."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""The calibration of one fit in another: held, or free near it by its standard errors."""
+"""The calibration of one fit in another; blocks of sensors that show nothing."""
 
 from dataclasses import replace
 from functools import cache

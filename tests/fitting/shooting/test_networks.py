@@ -1,4 +1,4 @@
-"""Shooting for laws with many numbers: slopes in reverse mode, networks refined, memories too."""
+"""Shooting for laws with many numbers: slopes in reverse mode, networks, memories, curves."""
 
 from dataclasses import replace
 from functools import cache

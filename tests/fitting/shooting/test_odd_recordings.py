@@ -1,4 +1,4 @@
-"""Disturbed recordings are named, good ones are not; more cases: comparisons/odd_runs.py."""
+"""Disturbed recordings are named, good ones not: comparisons/odd_runs.py; noise of angles."""
 
 import numpy as np
 import pandas as pd

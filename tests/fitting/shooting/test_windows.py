@@ -1,4 +1,4 @@
-"""Initial states eliminated: the answer of all unknowns together, and no window that explodes."""
+"""Initial states eliminated, no window that explodes, and steps of shooting."""
 
 from dataclasses import replace
 from types import SimpleNamespace

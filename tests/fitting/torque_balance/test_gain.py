@@ -1,4 +1,4 @@
-"""Motor currents with an unknown constant: gains that gravity or a payload pins, and others."""
+"""Gains of motor currents, base parameters that bodies can have, and loads of gears."""
 
 from dataclasses import replace
 
