@@ -1,5 +1,6 @@
 """How a step is divided: by friction and feedback, and further where a joint comes near rest."""
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -150,4 +151,4 @@ def _distinct(theta: Array) -> Array:
     """Parameters (..., n, P) without repetitions: predictions from many states share a few."""
     if theta.ndim < 3 or not isinstance(theta, np.ndarray):
         return theta
-    return np.unique(theta.reshape(-1, *theta.shape[-2:]), axis=0)
+    return np.unique(theta.reshape(math.prod(theta.shape[:-2]), *theta.shape[-2:]), axis=0)

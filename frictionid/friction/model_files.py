@@ -11,6 +11,7 @@ from dataclasses import asdict, fields
 from difflib import get_close_matches
 from hashlib import sha256
 from importlib import import_module
+from inspect import isabstract
 from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
@@ -35,7 +36,7 @@ def _built_in() -> Iterator[type[Law]]:
     """The laws of the files in `friction/laws` that model files can hold."""
     for module in iter_modules(laws.__path__, f"{laws.__name__}."):
         for law in vars(import_module(module.name)).values():
-            if not (isinstance(law, type) and issubclass(law, Law)):
+            if not (isinstance(law, type) and issubclass(law, Law)) or isabstract(law):
                 continue
             if law.kind and law.__module__ == module.name and "__dataclass_params__" in vars(law):
                 yield law
