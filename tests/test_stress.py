@@ -61,8 +61,8 @@ def test_gross_outliers_hardly_harm(method, name):
 @mistakes("""
 angles constant               => no joint moves by more than the noise of its angle
 angles constant but for noise => no joint moves by more than the noise of its angle
-angle 1 constant              => joint 1 slides in 0 rows
-angle 2 constant              => joint 2 slides in 0 rows
+angle 1 constant              => joint 1 slides in no row
+angle 2 constant              => joint 2 slides in no row
 """)
 def test_joints_that_stand_still_are_refused_in_a_line(method, wrong, words):
     still, _ = pairs(wrong)[0]

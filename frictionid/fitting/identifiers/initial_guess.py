@@ -21,14 +21,7 @@ def best_initial_guess(fit: Linearised, weights: Array) -> tuple[Array, Array]:
 
     Each fold first takes the best values that are the same for all joints, then changes those of
     one joint after the other.
-
-    Raises
-    ------
-    InputError
-        Where a joint slides in fewer rows of a fold than it has parameters.
     """
-    if not fit.problem.nodes.inputs.w.any():  # no speed that bounds the law's velocities either
-        check_rows(fit, weights, np.zeros(fit.problem.r.shape, dtype=bool))
     values = _values(fit)
     grams = _grams(fit, values, weights)
     pairs = [_best_of_fold(values, *fold) for fold in zip(grams, *fit.bounds, strict=True)]
@@ -62,11 +55,10 @@ def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
     S, n, P = values.shape
     B, F = S * (P + 1), len(weights)
     blocks, right = np.zeros((F, n, B, n, B)), np.zeros((F, n, B))
-    size, slides = np.zeros(F), np.zeros(fit.problem.r.shape, dtype=bool)
+    size = np.zeros(F)
     for rows, part in fit.stretches(S):
         b, G, r = _torques(part, values), part.problem.G, part.problem.r
         part.check_finite(b, G, r)
-        slides[rows] = (G != 0).any(axis=1) & b.reshape(n, -1, S, P + 1)[..., :P].any((2, 3)).T
         pairs = np.einsum("kij,kil->jlk", G, G)
         onto = np.einsum("kij,ki->jk", G, r)
         size += weights[:, rows] @ (r**2).sum(axis=1)
@@ -76,7 +68,6 @@ def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
                 for i in range(j + 1):
                     product = (b[j, at].T * (weight * pairs[j, i, at])) @ b[i, at]
                     blocks[:, j, :, i] += share[:, None, None] * product
-    check_rows(fit, weights, slides)
     for j, i in combinations(range(n), 2):
         blocks[:, j, :, i] = np.swapaxes(blocks[:, i, :, j], 1, 2)
     grams = np.zeros((F, n * B + 1, n * B + 1))
@@ -150,23 +141,29 @@ def _best_choice(
     return choices[best], np.clip(start[best] + d[best], low, high)
 
 
-def check_rows(fit: Linearised, weights: Array, slides: Array) -> None:
-    """Refuse folds in which a joint slides in too few rows; slides (K, n) says where it does.
+def hardly_sliding(fit: Linearised, weights: Array) -> Array:
+    """Which joints (F, n) slide in fewer rows of a fold, weights (F, K), than they have parameters.
 
     Raises
     ------
     InputError
-        Naming the fold and the joint.
+        Naming a joint that slides in no row, with a weight or without.
     """
-    counts = (weights > 0).astype(float) @ slides
+    problem = fit.problem
+    slides = np.zeros(problem.r.shape)
+    if problem.nodes.inputs.w.any():  # else there is no speed that bounds the law's velocities
+        first = _values(fit)[:1].reshape(1, -1)
+        for rows, part in fit.stretches():
+            slopes = part._replace(tie=None).slopes(first)[0]
+            slides[rows] = (part.problem.G != 0).any(axis=1) & slopes.any(axis=-1)
     if fit.constraints is not None:  # equal joints determine their parameters together
         owner = fit.constraints.owner
-        counts = counts @ (owner[:, None] == owner)
-    needed = fit.law.has_parameters(slides.shape[1]).sum(axis=1)
-    if (counts < needed).any():
-        f, j = np.argwhere(counts < needed)[0]
+        slides = slides @ (owner[:, None] == owner)
+    needed = fit.law.has_parameters(fit.joints).sum(axis=1)
+    never = (needed > 0) & ~slides.any(axis=0)
+    if never.any():
         raise InputError(
-            f"joint {j + 1} slides in {counts[f, j]:.0f} rows of fold {f}, too few for the "
-            f"{needed[j]} parameters of {fit.law}: give recordings in which it moves, fewer folds, "
-            "or a mechanism without it"
+            f"joint {never.argmax() + 1} slides in no row: give recordings in which it moves, or "
+            "lock it"
         )
+    return (weights > 0).astype(float) @ slides < needed

@@ -23,7 +23,7 @@ from ..one_step.linearised import Linearised, Ranges
 from ..one_step.one_step_fit import spread_of
 from ..one_step.residual import Problem, data_range, huber_factors, normalised
 from .harmonics import by_evidence
-from .initial_guess import best_initial_guess
+from .initial_guess import best_initial_guess, hardly_sliding
 
 _ROUNDS = 2  # of weights
 _ENOUGH = 100_000  # rows to begin with, where there are more
@@ -78,6 +78,7 @@ class LeastSquares(Identifier):
         settings = self.bounds, self.prior, self.equal
         law = Linearised.within(form, problem, weights, settings)
         law = law if absent is None else law.decided(absent)
+        law = law.without(hardly_sliding(law, weights))
         return replace(law.friction(self._fitted(law, weights)), law=form)
 
     def _fitted(self, law: Linearised, weights: Array) -> Array:
@@ -155,7 +156,8 @@ class LeastSquares(Identifier):
         if step > 1 and not law.law.has_memory:
             few = law.every(step)
             with suppress(InputError):  # what all rows determine, some may not
-                theta = self._fitted(few, normalised(weights[:, ::step], few.problem))
+                some = normalised(weights[:, ::step], few.problem)
+                theta = self._fitted(few.without(hardly_sliding(few, some)), some)
                 return theta, theta
         guess = best_initial_guess(law._replace(tie=None), weights)  # of each joint by itself
         theta, stepped = map(law.tied, guess)

@@ -102,7 +102,7 @@ def friction_scales(problem: Problem, weights: Array) -> Array:
     Raises
     ------
     InputError
-        Where a joint slides in too few rows of a fold.
+        Where a joint slides in no row.
     """
     speed = np.abs(problem.mean(problem.nodes.inputs.w))
     theta = LeastSquares(CoulombViscous()).fit(problem, weights, 0).theta

@@ -55,6 +55,17 @@ class Linearised(NamedTuple):
         held = replace(limits, low=low, high=high, deviation=deviation, size=size)
         return self._replace(constraints=held)
 
+    def without(self, joints: Array) -> Linearised:
+        """The same with joints (F, n) without friction, or with as little as the bounds allow."""
+        limits, at = self._limits, joints[..., None]
+        least = np.clip(0.0, limits.low, limits.high)
+        neutral = self.law.neutral(least, limits.neutral)
+        least = np.where(np.isfinite(limits.size), neutral, least)
+        low, high = (np.where(at, least, x) for x in (limits.low, limits.high))
+        deviation, size = (np.where(at, np.inf, x) for x in (limits.deviation, limits.size))
+        held = replace(limits, low=low, high=high, deviation=deviation, size=size)
+        return self._replace(constraints=held)
+
     def tied(self, theta: Array) -> Array:
         """Parameters (F, N) of equal joints: the means of those (F, n P) that each has by itself.
 

@@ -88,12 +88,12 @@ def test_speeds_of_a_table_that_mean_nothing_are_refused(speeds):
         Table(speeds)
 
 
-def test_a_joint_that_hardly_slides_is_refused():
+def test_a_joint_that_slides_in_fewer_rows_than_it_has_parameters_has_no_friction():
     problem = synthetic_problem(2)
     G = problem.G.copy()
     G[3:, :, 1] = 0.0
-    with assert_refused("joint 2 slides in 3 rows of fold 0, too few for the 5"):
-        LeastSquares(Spline(KNOTS)).fit(replace(problem, G=G), everything(problem), 0)
+    fit = LeastSquares(Spline(KNOTS)).fit(replace(problem, G=G), everything(problem), 0)
+    assert (fit.theta[0, 0, 0] > 0.0) and (fit.theta[0, 1] == 0.0).all()
 
 
 def test_the_curve_that_calibrates_is_near_any_and_made_for_the_speeds_of_the_data():

@@ -29,7 +29,7 @@ from frictionid.fitting.identifiers.check_identifier import synthetic_problem, s
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess, sums_of_rows
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.fitting.one_step.residual import huber_factors, mask_stiction
-from frictionid.friction import Law, along
+from frictionid.friction import Friction, Law, along
 from frictionid.friction.laws import CoulombViscous, Stribeck
 
 CLEAN = DATA / "acrobot_clean"
@@ -95,16 +95,25 @@ def test_a_joint_that_only_creeps_is_named_where_joints_at_rest_are_left_open(n)
     problem = synthetic_problem(n)
     x, last = problem.nodes.inputs, np.arange(n) == n - 1
     slow = problem.nodes._replace(inputs=x._replace(w=np.where(last, 1e-3 * x.w, x.w)))
-    with assert_refused(f"joint {n} slides in 0 rows of fold 0"):
+    with assert_refused(f"joint {n} slides in no row"):
         fit(Stribeck(), mask_stiction(replace(problem, nodes=slow), 0.2), everything(problem))
 
 
-def test_so_is_the_fold_in_which_it_does_not():
-    problem = synthetic_problem(2)
-    G = np.where((problem.recording == 1)[:, None, None], [[0.0, 1.0], [0.0, 1.0]], 1.0) * problem.G
-    only = problem.recording == np.arange(3)[:, None]
-    with assert_refused("joint 1 slides in 0 rows of fold 1"):
-        fit(Stribeck(), replace(problem, G=G), only.astype(float))
+@pytest.mark.parametrize("equal", [(), ((1, 2),)])
+def test_in_a_fold_in_which_it_rests_a_joint_has_no_friction_unless_others_are_equal(equal):
+    truth = np.array([[0.1, 0.04, 1.5, 0.02], [0.1, 0.04, 1.5, 0.02]])
+    problem = explained_by(Stribeck(), truth)
+    rests = (problem.recording == 1)[:, None, None]
+    G = np.where(rests, [[0.0, 1.0], [0.0, 1.0]], 1.0) * problem.G
+    torque = problem.mean(along(Friction(Stribeck(), truth), problem.nodes))
+    problem = replace(problem, G=G, r=np.einsum("kij,kj->ki", G, torque))
+    only = (problem.recording == np.arange(3)[:, None]).astype(float)
+    identifier = LeastSquares(Stribeck(), equal=equal)
+    theta = identifier.fit(problem, only, 0).theta
+    assert_allclose(theta[[0, 2]], np.stack([truth, truth]), rtol=1e-4)
+    assert_allclose(theta[1, 1], truth[1], rtol=1e-4)
+    assert_allclose(theta[1, 0, [0, 1, 3]], theta[1, 1, [0, 1, 3]] if equal else 0.0)
+    assert_array_equal(identifier.fit(problem, only[1:2], 0).theta[0], theta[1])
 
 
 def test_a_direction_that_never_occurs_is_like_the_other_one():
