@@ -156,8 +156,8 @@ class LeastSquares(Identifier):
         if step > 1 and not law.law.has_memory:
             few = law.every(step)
             with suppress(InputError):  # what all rows determine, some may not
-                some = normalised(weights[:, ::step], few.problem)
-                theta = self._fitted(few.without(hardly_sliding(few, some)), some)
+                share = normalised(weights[:, ::step], few.problem)
+                theta = self._fitted(few.without(hardly_sliding(few, share)), share)
                 return theta, theta
         guess = best_initial_guess(law._replace(tie=None), weights)  # of each joint by itself
         theta, stepped = map(law.tied, guess)
