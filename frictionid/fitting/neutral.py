@@ -197,6 +197,7 @@ class LocalCost(NamedTuple):
     """A fit's cost about its end, a quadratic in the parameters (D,): what holding some would do.
 
     parameters, values (D,) at its minimum, groups of rows; friction (n, P) there, and the blocks
+    rise : of the cost by what is held, in squares of the noise
     """
 
     parameters: tuple[Parameter, ...]
@@ -204,11 +205,32 @@ class LocalCost(NamedTuple):
     groups: Groups
     friction: Friction
     blocks: tuple[ParameterBlock, ...]
+    rise: float = 0.0
 
     @property
     def covariance(self) -> Covariance:
         """Covariance of the parameters between recordings."""
         return grouped_covariance(self.parameters, self.values, self.friction, self.groups)
+
+    def unknown(self, tried: Sequence[Key]) -> tuple[Unknown, ...]:
+        """All that can be held before the fit is clearly worse, one after the other; at least one.
+
+        None of those that were tried.
+        """
+        cost, held = self, list[Unknown]()
+        while unknown := cost._least_known(tried):
+            after = cost._at_neutral(unknown)
+            if held and any(u.shown(after.rise) for u in (*held, unknown)):
+                break
+            cost = after
+            held.append(unknown)
+        return followed(cost.friction, held)
+
+    def _least_known(self, tried: Sequence[Key]) -> Unknown | None:
+        if not self.parameters:
+            return None
+        curvature = self.groups.H.sum(axis=0)
+        return least_known(self.covariance, self.friction, self.blocks, curvature, tried)
 
     def idle(self, tried: Sequence[Key], level: float) -> Idle:
         """All that would be held and dropped, one after the other, each time at the new minimum.
@@ -249,6 +271,7 @@ class LocalCost(NamedTuple):
         step = self._step(held, at, keep)
         values, move = self.values + step, groups.move + step
         g = groups.g - groups.H[:, :, at] @ move[at]
+        rise = step @ groups.H.sum(axis=0) @ step - 2.0 * groups.score.sum(axis=0) @ step
         free = (values > limits.low + 1e-12) & (values < limits.high - 1e-12)
         H = groups.H[:, keep[:, None], keep]
         theta = np.asarray(self.friction.theta, dtype=float).copy()
@@ -260,6 +283,7 @@ class LocalCost(NamedTuple):
             values=values[keep],
             groups=groups._replace(H=H, g=g[:, keep], move=move[keep], free=free[keep]),
             friction=replace(self.friction, theta=theta),
+            rise=self.rise + float(rise),
         )
 
     def _step(self, held: Mapping[int, float], at: Array, keep: Array) -> Array:
@@ -290,7 +314,7 @@ def holding_unknown(
 
     cost : of a fit about its end; holding : a fit with some held, None where it is clearly worse
     """
-    while unknown := cost(fit).idle(tried, 1.0)[0]:
+    while unknown := cost(fit).unknown(tried):
         for several in parts_of(unknown):
             without = holding(fit, several)
             if without is not None:
