@@ -213,10 +213,7 @@ class LocalCost(NamedTuple):
         return grouped_covariance(self.parameters, self.values, self.friction, self.groups)
 
     def unknown(self, tried: Sequence[Key]) -> tuple[Unknown, ...]:
-        """All that can be held before the fit is clearly worse, one after the other; at least one.
-
-        None of those that were tried.
-        """
+        """All not tried that can be held before the fit is clearly worse, one after the other."""
         cost, held = self, list[Unknown]()
         while unknown := cost._least_known(tried):
             after = cost._at_neutral(unknown)

@@ -121,6 +121,13 @@ class InertiaBlock(ParameterBlock):
         return super().with_numbers(estimate, inside(estimate.mechanism, numbers))
 
 
+class AnyInertia(InertiaBlock):
+    """Base parameters, whatever M(q): many that nothing determines would hold the others up."""
+
+    def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
+        return ParameterBlock.with_numbers(self, estimate, numbers)
+
+
 def heaviest_rotors(mechanism: Mechanism) -> Array:
     """Largest plausible base parameters (nb,): a rotor outweighs its joint 30 times; others inf.
 

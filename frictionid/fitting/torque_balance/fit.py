@@ -31,8 +31,8 @@ from ..neutral import (
 )
 from ..one_step.one_step_fit import checked_fit
 from ..one_step.residual import data_range
-from ..parameters import ParameterBlock
-from ..parameters.blocks import on_support
+from ..parameters import InertiaBlock, ParameterBlock
+from ..parameters.blocks import AnyInertia, on_support
 from ..parameters.parameter_block import Estimate, free_blocks, values_of, with_excess, with_values
 from ..sandwich import STRETCHES, Groups, clusters_of, excess_of
 from .solve import (
@@ -85,8 +85,10 @@ def fit_torques(
     blocks = tuple(blocks)
     dropped: list[Dropped] = []
     while True:
-        solution, law = _best(identifier, balance, blocks, settings, seed)
-        solution = _at_neutral(_weighted(solution))
+        solution, law = _best(
+            identifier, balance, _with_inertia(AnyInertia, blocks), settings, seed
+        )
+        solution = _definite(_at_neutral(_weighted(solution)))
         if settings.consistent:
             solution = made_consistent(solution)
         result = _result(solution, law, tuple(dropped))
@@ -96,6 +98,23 @@ def fit_torques(
             return result
         dropped.append(idle)
         blocks = tuple(b for b in blocks if b.name != idle.block)
+
+
+def _with_inertia(
+    kind: type[InertiaBlock], blocks: Sequence[ParameterBlock]
+) -> tuple[ParameterBlock, ...]:
+    """The blocks, with base parameters of a kind."""
+    return tuple(kind(**vars(b)) if isinstance(b, InertiaBlock) else b for b in blocks)
+
+
+def _definite(solution: TorqueSolution) -> TorqueSolution:
+    """The fit with M(q) positive definite, fitted once more where it is not."""
+    blocks = _with_inertia(InertiaBlock, solution.blocks)
+    problem = _problem(solution.problem, blocks, solution.estimate)
+    values = values_of(problem.at(problem.x), problem.blocks)
+    if np.array_equal(values, values_of(solution.estimate, problem.blocks)):
+        return solution._replace(problem=problem)
+    return solve(problem)._replace(held=solution.held)
 
 
 def _best(

@@ -197,6 +197,12 @@ def test_a_fit_to_little_motion_is_consistent(tree):
     assert errors[1] < 0.5 * errors[0]
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_fit_to_hardly_any_motion_keeps_masses_positive_definite(tree, seed):
+    short = wrist.dataset(tree, wrist.frame(tree, seconds=0.8, seed=seed))
+    assert least(tree, np.asarray(fitted_by(short).calibration.base)) > 0
+
+
 def test_a_fit_that_is_consistent_anyway_stays(tree):
     data = wrist.dataset(tree, wrist.frame(tree, seconds=3.0))
     free, held = (fitted_by(data, consistent=flag) for flag in (False, True))
