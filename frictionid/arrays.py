@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 # arguments, never chosen by the code.
 Array = NDArray[Any]
 
+MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
+
 
 def namespace(*arrays: Array) -> Any:
     """Array-API namespace of the arguments: NumPy's, unless one of them is a torch tensor.

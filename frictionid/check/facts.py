@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import MAD, Array
 from frictionid.data.recordings import Recording
 from frictionid.data.state_estimators import resolutions
 
@@ -84,7 +84,6 @@ def _reversals(w: Array, threshold: Array) -> list[int]:
 NEIGHBOURS = (1, 2, 3)
 # Stretches of a recording whose noise is compared, and the fewest samples of one.
 STRETCHES, FEWEST = 50, 100
-_MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 
 
 class Noise(NamedTuple):
@@ -173,4 +172,4 @@ def scatter_of(values: Array) -> float:
     size, middle = np.abs(values), len(values) // 2
     size.partition((middle - 1, middle))  # the median, at a quarter of its time for few values
     both = size[middle - 1 : middle + 1] if len(size) % 2 == 0 else size[middle : middle + 1]
-    return float(_MAD * both.mean())
+    return float(MAD * both.mean())

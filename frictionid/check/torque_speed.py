@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr, stdtrit
 
-from frictionid.arrays import Array
+from frictionid.arrays import MAD, Array
 from frictionid.data.clock_facts import run_edges
 from frictionid.data.envelope import Envelope, Estimated, Reached
 from frictionid.data.recordings import Dataset, Recording
@@ -28,7 +28,7 @@ from frictionid.data.state_estimators import States
 from .findings import Finding, finding
 
 _NOISE = 0.01  # of the largest torque, at least: velocities are smoothed, drives lag
-_MAD = 1.4826 / np.sqrt(6.0)  # of second differences
+_MAD = MAD / np.sqrt(6.0)  # of second differences
 _PILED, _STRETCHES, _LENGTH = 5.0, 3, 3
 _SPREAD = 0.1  # of the fastest speed, that samples on the edge must differ by
 _FEW = 1000  # samples of the search

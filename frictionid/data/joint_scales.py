@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import MAD, Array
 
 from .signals import Signal
 
@@ -20,7 +20,7 @@ TURN, TRAVEL = 1.0, 0.25
 # Slow: 2 % of fast motion; of joints that turn, 0.1 rad/s at most.
 SLOW_TURN, SLOW_SHARE = 0.1, 0.02
 _CLEAR = 20.0  # times the noise of a position: what shows a motion
-_NORMAL = 1.4826 / np.sqrt(20.0)  # of noise over the median size of its third differences
+_NORMAL = MAD / np.sqrt(20.0)  # of noise over the median size of its third differences
 
 
 class JointScales(NamedTuple):

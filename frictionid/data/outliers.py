@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import MAD, Array
 
 from . import kalman_loops
 from .kalman import (
@@ -120,7 +120,6 @@ _MANY = 0.003  # of the samples: fewer that change leave the jerk ratio as it is
 _DECEIVED = 10.0  # times the jerk ratio: a robust one shows outliers
 _AT_ONCE = 400_000  # samples that are smoothed together
 _MANY_STEPS = 10  # of an encoder, that show how large one is
-_NORMAL = 1.4826  # standard deviation over median absolute size of normal errors
 
 
 class Smoothed(NamedTuple):
@@ -292,7 +291,7 @@ def _judged(series: Series, left_out: Array, fit: FilterOutput) -> _Judged:
     fresh = np.ones(series.valid.shape, dtype=bool)
     fresh[1:-1] = change[1:] | change[:-1]
     counts = series.valid & ~left_out
-    usual = _NORMAL * _median(size, counts & fresh)
+    usual = MAD * _median(size, counts & fresh)
     value = np.where(counts, series.value, np.nan)
     span = np.nan_to_num(np.fmax.reduce(value) - np.fmin.reduce(value))
     steps = np.where(change & series.valid[1:] & series.valid[:-1], jumps, np.inf)

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from frictionid.arrays import Array, usual_step
+from frictionid.arrays import MAD, Array, usual_step
 from frictionid.errors import InputError
 
 from .kalman import by_length, causal_states
@@ -18,7 +18,6 @@ from .outliers import smoothed
 from .signals import Signal, relative_noise
 
 _NO_WEIGHT = 1e6  # times the usual standard deviation
-_MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 
 
 class States(NamedTuple):
@@ -252,7 +251,7 @@ def _with_noise(states: States, angle: Signal, rho: Array) -> States:
     the resolution of the angles.
     """
     left = noise_left(rho, usual_step(angle.time))
-    off = _MAD * np.median(np.abs(angle.value - states.q), axis=0)
+    off = MAD * np.median(np.abs(angle.value - states.q), axis=0)
     noise = off / np.sqrt(1.0 - np.minimum(left.share, 0.9))
     noise = np.maximum(noise, resolutions(angle.value) / np.sqrt(12)) * left.velocity
     return states._replace(noise=noise)

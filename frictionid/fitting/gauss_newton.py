@@ -20,7 +20,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 
-MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _FIRST, _DAMPING = 1e-6, (1e-9, 1e9)  # of unit diagonals: at first, least and most
 _NOTHING = 1e-200  # information below this leaves no trace: products of it underflow
 _CLEAR = 1e-8  # a change of slope above rounding

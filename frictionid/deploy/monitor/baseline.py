@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import MAD, Array
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Prepared, training_of, with_calibration
@@ -99,7 +99,7 @@ def reference_of(prepared: Prepared, friction: Friction) -> Reference:
     view = with_calibration(prepared, friction.calibration)
     problem = training_of(view, INTEGRAL)
     e = np.abs(problem.residual(along(friction, problem.nodes)))
-    noise = np.array([1.4826 * np.median(row[row > 0]) if row.any() else 1.0 for row in e.T])
+    noise = np.array([MAD * np.median(row[row > 0]) if row.any() else 1.0 for row in e.T])
     grid = np.stack([_SLOW * fast[1], np.maximum(fast[0], _SLOW * fast[1]), fast[1]], axis=1)
     reference = Reference(friction, grid, noise, ())
     return reference._replace(effects=effects_of(prepared.dataset.mechanism, reference.level))

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, times, usual_step
+from frictionid.arrays import MAD, Array, times, usual_step
 from frictionid.data.calibration import Calibration
 from frictionid.data.clock_facts import run_edges
 from frictionid.data.plants import plant_of
@@ -33,7 +33,6 @@ from frictionid.evaluation import (
     training_of,
     with_calibration,
 )
-from frictionid.fitting.gauss_newton import MAD
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, along

@@ -13,7 +13,7 @@ from scipy.special import log_ndtr, ndtri_exp
 from frictionid.api.fit import fit as fit_again
 from frictionid.api.fitted import Fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
-from frictionid.arrays import Array
+from frictionid.arrays import MAD, Array
 from frictionid.data.calibration import calibrated_plant
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of, refuse_torques
@@ -22,7 +22,6 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, holds
 from frictionid.errors import InputError
 from frictionid.evaluation.predicted_motion import check_joints
-from frictionid.fitting.gauss_newton import MAD
 from frictionid.friction import Friction
 
 from ..compensation import friction_in

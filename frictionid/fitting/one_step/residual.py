@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from frictionid.arrays import Array, inverse, solve, times
+from frictionid.arrays import MAD, Array, inverse, solve, times
 from frictionid.data.integrals import averages
 from frictionid.data.plants import on_recorded_base
 from frictionid.data.recordings import Recording
@@ -36,8 +36,6 @@ from frictionid.mechanics.plant import (
     momentum_balance,
     with_midpoints,
 )
-
-from ..gauss_newton import MAD
 
 # An interval this many times longer than the recording's usual one is a gap: no row bridges it, one
 # of half a second has cost seven per cent of the friction curve.

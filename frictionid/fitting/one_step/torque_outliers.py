@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from frictionid.arrays import Array, usual_step
+from frictionid.arrays import MAD, Array, usual_step
 from frictionid.data.integrals import averages
 from frictionid.data.plants import on_recorded_base
 from frictionid.data.recordings import Dataset, Recording
@@ -24,8 +24,6 @@ from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
 from frictionid.mechanics import Plant
 from frictionid.mechanics.plant import interval_stencil, momentum_balance, with_midpoints
-
-from ..gauss_newton import MAD
 
 _OFF = 6.0  # times the usual distance from the neighbours
 _ALIKE = 0.8  # of what a neighbour is off: the same size

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
-from frictionid.arrays import Array, rows_by
+from frictionid.arrays import MAD, Array, rows_by
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import OddRecording
 
 from ..fit import Covariance
-from ..gauss_newton import MAD
 from ..parameters.parameter_block import Estimate, Parameter, ParameterBlock
 from .sample_intervals import Intervals, cut_windows
 from .windows import Solution

@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import MAD, Array
 from frictionid.errors import NoFitError
 from frictionid.progress import report_step
 
-from ..gauss_newton import MAD, box_step, scaled_inverse
+from ..gauss_newton import box_step, scaled_inverse
 from ..parameters.parameter_block import (
     Estimate,
     Parameter,

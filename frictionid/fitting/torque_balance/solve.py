@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import MAD, Array
 from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError
 from frictionid.friction import along
@@ -18,7 +18,7 @@ from frictionid.mechanics.rigid_body.rigid_body_tree import (
     nearest_consistent,
 )
 
-from ..gauss_newton import MAD, Conditions, minimum
+from ..gauss_newton import Conditions, minimum
 from ..neutral import Unknown
 from ..one_step.linearised import Linearised
 from ..parameters.parameter_block import (

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from frictionid.arrays import Array, usual_step
+from frictionid.arrays import MAD, Array, usual_step
 
 _BLOCKS = 24  # stretches of time whose scatter gives the standard errors
 _MAX_DELAY = 0.3  # [s]
@@ -129,7 +129,7 @@ def _without_idle_levels(theta: Array, record: _Record) -> Array:
 
 def _noise(residual: Array) -> float:
     """Standard deviation by the median absolute residual."""
-    return max(1.4826 * float(np.median(np.abs(residual))), 1e-12)
+    return max(MAD * float(np.median(np.abs(residual))), 1e-12)
 
 
 def _errors(theta: Array, record: _Record) -> Array:

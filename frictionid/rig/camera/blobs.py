@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import MAD, Array
 from frictionid.errors import needs
 
 from .marker_setup import Marker
@@ -323,4 +323,4 @@ def noise_of(patch: Patch, at: Array, reach: float) -> float:
     if len(away) < 12:
         return float("nan")
     middle = np.median(away)
-    return float((1.4826 * np.median(np.abs(away - middle))) ** 2 * _BLOCK**2)
+    return float((MAD * np.median(np.abs(away - middle))) ** 2 * _BLOCK**2)
