@@ -267,6 +267,8 @@ def distinct(names: Sequence[str], what: str) -> None:
 Positive = Annotated[float, Field(gt=0, lt=1e20)]  # squares of settings are numbers, too
 NotNegative = Annotated[float, Field(ge=0, lt=1e20)]
 Count = Annotated[int, Field(ge=1)]
+_T = TypeVar("_T")
+NonEmpty = Annotated[list[_T], Field(min_length=1)]
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from frictionid.config import Strict
+from frictionid.config import NonEmpty, Strict
 from frictionid.errors import InputError, needs
 from frictionid.files import read_bytes, write_bytes
 
@@ -44,7 +44,7 @@ class Space(Strict):
     high: Number = 0
     log: bool = False
     step: Number = 0
-    choices: Annotated[list[Any], Field(min_length=1)] | None = None
+    choices: NonEmpty[Any] | None = None
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Space":
@@ -143,7 +143,7 @@ class Tuning(Strict):
     """
 
     trials: Annotated[int, Field(ge=1)] = 30
-    samplers: Annotated[list[Sampler], Field(min_length=1)] = ["tpe"]
+    samplers: NonEmpty[Sampler] = ["tpe"]
     folds: Annotated[int, Field(ge=2)] = 3
     objective: Objective = Objective()
     seed: Annotated[int, Field(ge=0)] = 0

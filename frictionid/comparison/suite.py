@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, model_
 
 from frictionid.config import (
     STRICT,
+    NonEmpty,
     Strict,
     imported_for_suite,
     is_installed,
@@ -49,7 +50,7 @@ class DatasetEntry(Strict):
     tests: list[str] = []
     name: Name | None = None
     folds: Annotated[Split | None, BeforeValidator(_split)] = None
-    recipes: Annotated[list[str], Field(min_length=1)] | None = None
+    recipes: NonEmpty[str] | None = None
     mechanism: Annotated[str, Field(pattern="^[^:]+:[^:]+$")] | None = None
 
 
@@ -63,7 +64,7 @@ class IdentifierEntry(Strict):
 
     kind: str
     name: Name | None = None
-    recipes: Annotated[list[str], Field(min_length=1)] | None = None
+    recipes: NonEmpty[str] | None = None
     search: Search | None = None
 
     @property
@@ -90,13 +91,13 @@ class Suite(Strict):
     name: Name
     title: str = ""
     protocol: Protocol = Protocol()
-    seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
+    seeds: NonEmpty[Annotated[int, Field(ge=0)]] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
     tune: Tuning = Tuning()
     sensitivity: SensitivitySettings = SensitivitySettings()
-    datasets: Annotated[list[DatasetEntry], Field(min_length=1)]
-    recipes: Annotated[list[RecipeEntry], Field(min_length=1)] = [RecipeEntry(name="integral")]
-    identifiers: Annotated[list[IdentifierEntry], Field(min_length=1)]
+    datasets: NonEmpty[DatasetEntry]
+    recipes: NonEmpty[RecipeEntry] = [RecipeEntry(name="integral")]
+    identifiers: NonEmpty[IdentifierEntry]
 
     @model_validator(mode="before")
     @classmethod

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
-from frictionid.config import STRICT, Positive, Strict, distinct, nearest
+from frictionid.config import STRICT, NonEmpty, Positive, Strict, distinct, nearest
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Flexible, Frictionless
 from frictionid.fitting.method import Method
@@ -60,8 +60,8 @@ class CalibrationEntry(Strict):
     """
 
     friction: str | None = None
-    free: Annotated[list[str], Field(min_length=1)] | None = None
-    use: Annotated[list[str], Field(min_length=1)] | None = None
+    free: NonEmpty[str] | None = None
+    use: NonEmpty[str] | None = None
     fixed: list[str] = []
 
 
@@ -90,7 +90,7 @@ class RecipeEntry(Strict):
 
     name: Name
     by: Literal["shooting", "inverse_dynamics"] | None = None
-    free: Annotated[list[str], Field(min_length=1)] | None = None
+    free: NonEmpty[str] | None = None
     fixed: list[str] | None = None
     priors: dict[str, Positive] | None = None
     start: str | None = None

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from frictionid.arrays import Array
-from frictionid.config import Positive, Strict
+from frictionid.config import NonEmpty, Positive, Strict
 from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, taken
@@ -229,8 +229,8 @@ class SensitivitySettings(Strict):
     noise: list[Positive] = [0.1, 0.3]
     rate: list[Annotated[int, Field(ge=2)]] = [2]
     recordings: list[Annotated[float, Field(gt=0.0, lt=1.0)]] = [0.25, 0.5]
-    identifiers: Annotated[list[str], Field(min_length=1)] | None = None
-    recipes: Annotated[list[str], Field(min_length=1)] | None = None
+    identifiers: NonEmpty[str] | None = None
+    recipes: NonEmpty[str] | None = None
     horizon: Positive = 0.5
 
     @model_validator(mode="after")

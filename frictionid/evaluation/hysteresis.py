@@ -6,13 +6,12 @@ that is off.
 """
 
 import math
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from frictionid.arrays import Array
-from frictionid.config import Positive, Strict
+from frictionid.config import NonEmpty, Positive, Strict
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, along
 from frictionid.friction.coordinates import at_places
@@ -31,9 +30,6 @@ LATEST = 1 / 12  # of a period: what closes later than that is no lag
 NARROW = 0.01  # width of a loop, in units of the torque's size, below which it is none
 
 
-_Numbers = Annotated[list[Positive], Field(min_length=1)]
-
-
 class HysteresisSettings(Strict):
     """Sinusoids on which friction is shown.
 
@@ -42,9 +38,9 @@ class HysteresisSettings(Strict):
     factors : of these frequencies, each is shown
     """
 
-    amplitude: _Numbers | None = None
-    frequency: _Numbers | None = None
-    factors: _Numbers = [0.5, 1.0, 2.0]
+    amplitude: NonEmpty[Positive] | None = None
+    frequency: NonEmpty[Positive] | None = None
+    factors: NonEmpty[Positive] = [0.5, 1.0, 2.0]
 
     def check(self, joints: int) -> None:
         """Complain where amplitudes or frequencies are not those of so many joints."""

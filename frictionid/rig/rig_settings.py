@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from frictionid.config import Positive, Strict, checked, nearest, read_toml
+from frictionid.config import NonEmpty, Positive, Strict, checked, nearest, read_toml
 from frictionid.errors import InputError
 
 # Hexadecimal digits of each checksum.
@@ -56,7 +56,7 @@ class LineProtocol(Strict):
     (b'1000', b'0.05', b'0.2')
     """
 
-    columns: Annotated[list[str], Field(min_length=1)] = ["time", "command", "current"]
+    columns: NonEmpty[str] = ["time", "command", "current"]
     unit: Literal["s", "ms", "us"] = "us"
     wrap: Positive = 2.0**32
     checksum: Literal["none", "xor", "crc16"] = "none"

@@ -5,12 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from frictionid.config import Strict, checked
+from frictionid.config import NonEmpty, Strict, checked
 from frictionid.data.readers.column_toml import UNITS
 from frictionid.data.readers.table import Table, read_table, signal_of
 from frictionid.data.recordings import Dataset, Recording
@@ -286,8 +285,6 @@ def _warnings(seen: Signal, angle: Signal, runs: ClockRuns, uncertainty: float) 
 _TIMES = ("time", "time_camera", "time_angle")
 _MIN_ROWS = 10
 
-Names = Annotated[list[str], Field(min_length=1)]
-
 
 class AngleColumns(Strict):
     """The [angles] table of rig.toml: columns of a table of angles.
@@ -296,8 +293,8 @@ class AngleColumns(Strict):
     """
 
     time: str = ""
-    columns: Names | None = None
-    sigma: Names | None = None
+    columns: NonEmpty[str] | None = None
+    sigma: NonEmpty[str] | None = None
     unit: Literal["rad", "mrad", "deg", "rev", "m", "mm"] = "rad"
 
 
