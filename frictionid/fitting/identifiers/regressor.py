@@ -96,9 +96,8 @@ class Regressor(Identifier):
         weights = normalised(weights, problem)
         x, torque, slides = torques(problem)
         F, n = len(weights), x.w.shape[-1]
-        sets = [
-            _training_set(x, torque, weights[f] * slides[:, j], (f, j)) for f, j in np.ndindex(F, n)
-        ]
+        pairs = np.ndindex(F, n)
+        sets = [_training_set(x, torque, slides, weights[f], j) for f, j in pairs]
         trained = [self._trained(data, seed) for data in sets]
         if self.inputs != ("w",):
             which = np.arange(F * n).reshape(F, n, 1) + 0.0
@@ -153,17 +152,20 @@ def torques(problem: Problem) -> tuple[Inputs, Array, Array]:
     return x, times(inverse, problem.r), weight
 
 
-def _training_set(x: Inputs, torque: Array, weight: Array, place: tuple[int, int]) -> TrainingSet:
-    """Rows of a fold and a joint (their `place`) that have a weight (K,)."""
-    fold, joint = place
-    rows = weight > 0
-    if not rows.any():
+def _training_set(
+    x: Inputs, torque: Array, slides: Array, weight: Array, joint: int
+) -> TrainingSet:
+    """Rows of a joint under the weights (K,) of a fold; without friction where it rests in it."""
+    if not slides[:, joint].any():
         raise InputError(
-            f"joint {joint + 1} slides in no row of fold {fold}: give recordings in which it "
-            "moves, or use fewer folds"
+            f"joint {joint + 1} slides in no row: give recordings in which it moves, or lock it"
         )
+    weight, torque = weight * slides[:, joint], torque[:, joint]
+    if not weight.any():
+        weight, torque = slides[:, joint], 0.0 * torque
+    rows = weight > 0
     inputs = x.each(lambda part: part[rows, joint])
-    return TrainingSet(inputs, torque[rows, joint], weight[rows] / weight.max())
+    return TrainingSet(inputs, torque[rows], weight[rows] / weight.max())
 
 
 def _binned(data: TrainingSet, bins: int) -> TrainingSet:

@@ -132,8 +132,16 @@ def test_a_joint_that_never_slides_is_refused():
     problem = synthetic_problem(2)
     G = problem.G.copy()
     G[:, :, 1] = 0.0
-    with assert_refused("joint 2 slides in no row of fold 0"):
+    with assert_refused("joint 2 slides in no row"):
         fit(replace(problem, G=G))
+
+
+def test_in_a_fold_in_which_it_rests_a_joint_has_no_friction():
+    problem = synthetic_problem(2)
+    G = problem.G * np.where(problem.recording == 1, [[1.0], [0.0]], 1.0).T[:, None]
+    only = (problem.recording == np.arange(3)[:, None]).astype(float)
+    theta = fit(replace(problem, G=G), weights=only).theta
+    assert (theta[1, 1] == 0.0).all() and theta[[0, 1, 2], [1, 0, 1]].any(axis=-1).all()
 
 
 @pytest.mark.parametrize(("neighbours", "bins"), [(1000, 200), (9, 2)])
