@@ -20,7 +20,7 @@ import pandas as pd
 from frictionid.arrays import Array, solve
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.recordings import Dataset
-from frictionid.fitting.one_step.residual import Problem, stiction_mask
+from frictionid.fitting.one_step.residual import IN_TURN, Problem, stiction_mask
 from frictionid.friction import Friction, along
 from frictionid.mechanics import Mechanism
 
@@ -78,7 +78,7 @@ def torque_windows(
 ) -> TorqueWindows:
     """Windows of torques (2, K, n), see `row_torques`; fold : (K,) of each row, -1 for none."""
     turns = mechanism.friction_map != 0
-    rests = stiction_mask(problem, None) @ turns
+    rests = stiction_mask(problem, None, IN_TURN) @ turns
     number = np.floor(problem.time / _WINDOW + 1e-9).astype(int)
     rows = np.flatnonzero(fold >= 0)
     keys = np.stack([fold, problem.recording, number], axis=1)[rows]

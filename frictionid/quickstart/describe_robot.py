@@ -12,7 +12,7 @@ from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.torque_left import means_of, row_torques
-from frictionid.fitting.one_step.residual import stiction_mask
+from frictionid.fitting.one_step.residual import IN_TURN, stiction_mask
 from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.mechanics.mechanism_table import mechanism_options
 from frictionid.mechanics.rigid_body.described import FORMATS
@@ -314,7 +314,7 @@ def gains_by_gravity(dataset: Dataset) -> dict[str, Gain | None]:
     problem, n = prepare(dataset, Protocol()).integral, dataset.mechanism.n
     left, column = row_torques(problem, problem.r[:, :n], np.ones(len(problem.r), dtype=bool))
     w = problem.nodes.inputs.w[problem.stencil[:, 1], :n]
-    rests = stiction_mask(problem, None)[:, :n]
+    rests = stiction_mask(problem, None, IN_TURN)[:, :n]
     number = np.floor(problem.time / _WINDOW + 1e-9)
     keys = np.stack([problem.recording, number], axis=1)
     _, place = np.unique(keys, axis=0, return_inverse=True)

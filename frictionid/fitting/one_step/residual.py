@@ -41,7 +41,8 @@ from frictionid.mechanics.plant import (
 # of half a second has cost seven per cent of the friction curve.
 GAP = 5.0
 _RESTING = 0.02  # of the speeds in a recording: a joint that is slower may be at rest
-_SLOWER = 0.05  # of those in the fastest recording: the speeds of the slowest motion
+# Of those in the fastest recording: the speeds of the slowest motion of joints that move in turn.
+IN_TURN = 0.05
 _BLIND = 1e-9  # of the best seen combination of joints
 _HARDLY = 0.03  # of the largest load of a joint: by less, no coefficient shows
 _SLOWEST = 0.01  # of the fastest speed: slowest one of a problem that does not know it
@@ -174,21 +175,24 @@ def mask_stiction(problem: Problem, velocity_threshold: float | Array | None) ->
     return replace(problem, r=times(P, problem.r), G=G, masked=True)
 
 
-def stiction_mask(problem: Problem, velocity_threshold: float | Array | None) -> Array:
+def stiction_mask(
+    problem: Problem, velocity_threshold: float | Array | None, slowest: float = 0.0
+) -> Array:
     """Whether each joint may stick in each row, (K, n) of bool.
 
     It may where it is slower than the threshold [rad/s], one or one for each joint, at a node of
     the row, or reverses in it.
     None: the slowest speed that the row's recording resolves, and no less than 2 % of the speeds in
     it: slower joints give way before they slip, in play and presliding that no law here describes.
+    slowest: a recording whose speeds are a smaller share of those in the fastest one counts as one
+    with this share, `IN_TURN` where joints move in turn and rest otherwise.
     """
     w, threshold = problem.nodes.inputs.w[problem.stencil], velocity_threshold  # (K, m, n)
     if threshold is None:
         first = problem.nodes.first
         each = [np.abs(problem.nodes.inputs.w[a:b]) for a, b in pairwise(first)]
         usual = _RESTING * np.stack([np.quantile(speeds, 0.95, axis=0) for speeds in each])
-        # of a recording in which a joint rests a share of its speeds in others
-        usual = np.maximum(usual, _SLOWER * usual.max(axis=0))
+        usual = np.maximum(usual, slowest * usual.max(axis=0))
         threshold = np.maximum(problem.slowest, usual)[problem.recording][:, None]
     slow = (np.abs(w) < threshold).any(1)
     return np.asarray(slow | ((w > 0).any(1) & (w < 0).any(1)))

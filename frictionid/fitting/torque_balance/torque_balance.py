@@ -28,7 +28,7 @@ from frictionid.mechanics import Plant
 from frictionid.mechanics.plant import base_motion_of, with_base_motion, with_midpoints
 from frictionid.mechanics.rigid_body.rigid_body_tree import WRENCH, RigidBodyTree, with_free_base
 
-from ..one_step.residual import GAP, Problem, stiction_mask
+from ..one_step.residual import GAP, IN_TURN, Problem, stiction_mask
 
 _SLOW_ROWS = 0.01  # of the rows of a joint: so many may be slower than the slowest speed
 _NODES = 4000  # whose regressor is computed at a time,
@@ -205,7 +205,7 @@ def torque_balance(
         integrals_of([r.torque for r in dataset.recordings]),
         _joined_wrenches(wrenches),
     )
-    resting = stiction_mask(balance.problem, None)
+    resting = stiction_mask(balance.problem, None, IN_TURN)
     slides = ~(resting @ (plant.mechanism.friction_map != 0))
     balance = replace(balance, slides=slides, slowest=_slowest(balance, slides))
     # what rests shows nothing, but to the base
