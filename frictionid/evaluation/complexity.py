@@ -92,14 +92,16 @@ def nested_names(names: Iterable[str]) -> frozenset[str]:
     return stems | {f"{name}{_BY_DIRECTION}" for name in stems - names}
 
 
-def shown_names(estimates: Estimates | None) -> frozenset[str]:
+def shown_names(estimates: Estimates | None) -> frozenset[str] | None:
     """Of these names those of friction that data tell from zero, at any joint (99 %).
+
+    None without intervals.
 
     Without velocities, which say nothing of how much there is. A torque differs by direction where
     the interval of the difference does not hold zero.
     """
     if estimates is None:
-        return frozenset()
+        return None
     reach = float(stdtrit(estimates.freedom, 0.995))
     used = [
         (k, e)

@@ -275,19 +275,21 @@ def _chosen(errors: Sequence[StartErrors], complexity: Array, last: Array) -> Ch
 
 
 def unsupported(
-    errors: Sequence[StartErrors], names: Sequence[frozenset[str]], shown: Sequence[frozenset[str]]
+    errors: Sequence[StartErrors],
+    names: Sequence[frozenset[str]],
+    shown: Sequence[frozenset[str] | None],
 ) -> Array:
     """Models (M,) that add nothing to a simpler one: no parameter that the data identify.
 
     What chance makes of their further parameters moves predictions, and would count as a loss of
     the simpler one. Not where that one is practically farther off as measured.
 
-    names, shown : as for `preferring`; none are shown of a model whose fit has no intervals
+    names, shown : as for `preferring`
     """
 
     def adds_nothing(model: int, simpler: int) -> bool:
-        nested = names[simpler] and names[simpler] < names[model]
-        if not nested or not shown[model] or shown[model] - names[simpler]:
+        nested, certain = names[simpler] and names[simpler] < names[model], shown[model]
+        if not nested or certain is None or certain - names[simpler]:
             return False
         pair = errors[simpler], errors[model]
         if any(e.diverged for e in pair) or len(np.unique(pair[0].group)) < FEWEST:
@@ -301,7 +303,7 @@ def unsupported(
 def preferring(
     choice: Choice,
     names: Sequence[frozenset[str]],
-    shown: Sequence[frozenset[str]],
+    shown: Sequence[frozenset[str] | None],
     zero: Sequence[frozenset[str]],
 ) -> Choice:
     """The choice, where errors cannot tell laws apart, by what the data identify.
@@ -312,15 +314,16 @@ def preferring(
     that add an identified parameter to the chosen one the nearest is preferred. A law whose further
     parameters the fit to all data leaves at zero is the simpler one, and named so.
 
-    names, shown, zero : of each model's parameters, of those that data tell from zero, and of those
-        that are zero, or velocities, which then mean nothing
+    names, shown, zero : of each model's parameters, of those that data tell from zero, None without
+        intervals, and of those that are zero, or velocities, which then mean nothing
     """
+    certain = [told or frozenset() for told in shown]
     standings, lacking = list(choice.standings), []
     for i in choice.kept:
-        mine = shown[i] or names[i]
+        mine = certain[i] or names[i]
         richer = [k for k in choice.kept if mine and mine < names[k]]
         is_far = standings[i] == "undecided" and choice.distance(i) > 1.0 + REGION
-        if is_far and any(shown[k] - names[i] for k in richer):
+        if is_far and any(certain[k] - names[i] for k in richer):
             standings[i] = "worse"
             lacking.append(i)
     choice = choice._replace(standings=tuple(standings), lacking=tuple(lacking))
@@ -332,7 +335,7 @@ def preferring(
         if nested and standings[i] != "diverged":
             standings[i] = "adequate"
             return choice._replace(standings=tuple(standings), preferred=i, degenerate=chosen)
-    richer = [i for i in choice.kept if mine and mine < names[i] and shown[i] - mine]
+    richer = [i for i in choice.kept if mine and mine < names[i] and certain[i] - mine]
     undecided = [i for i in richer if standings[i] == "undecided"]
     near = [i for i in undecided if choice.distance(i) <= 1.0 + REGION]
     return choice._replace(preferred=min(near, key=choice.distance)) if near else choice

@@ -247,12 +247,19 @@ def _one_step_scores(model: _Model, held_out: HeldOut) -> tuple[list[Score], Tor
 
 
 def _energy_scores(energy: Array, fold: Array) -> Iterator[Score]:
-    """Energy that the model's friction takes, in units of what the motion implies (2, K)."""
-    parts = [(str(f), fold == f) for f in np.unique(fold)]
-    for name, rows in (*parts, ("all", np.ones(len(fold), dtype=bool))):
-        implied, taken = energy[:, rows].sum(axis=1)
-        if implied > 0:
-            yield Score(name, "dissipated_energy", "ratio", value=float(taken / implied))
+    """Energy that the model's friction takes, in units of what the motion implies (2, K).
+
+    Of all folds only where the motion of each implies that friction takes some: else it is the
+    balance that is off.
+    """
+    names = np.unique(fold)
+    implied, taken = np.stack([energy[:, fold == f].sum(axis=1) for f in names], axis=1)
+    takes = implied > 0
+    ratios = dict(zip(names[takes].astype(str), taken[takes] / implied[takes], strict=True))
+    if takes.all():
+        ratios["all"] = taken.sum() / implied.sum()
+    for name, ratio in ratios.items():
+        yield Score(name, "dissipated_energy", "ratio", value=float(ratio))
 
 
 def _rollouts(

@@ -219,9 +219,10 @@ def _parameters(model: Model) -> frozenset[str]:
     )
 
 
-def _shown(model: Model, fits: Sequence[Model]) -> frozenset[str]:
-    """Friction's parameters that data tell from zero, by any recipe."""
-    return frozenset().union(*(shown_names(f.refined) for f in fits if f.label == model.label))
+def _shown(model: Model, fits: Sequence[Model]) -> frozenset[str] | None:
+    """Friction's parameters that data tell from zero, by any recipe; None without intervals."""
+    told = [shown_names(f.refined) for f in fits if f.label == model.label]
+    return frozenset().union(*filter(None, told)) if told else None
 
 
 def recipe_to_judge(candidates: Sequence[Candidate]) -> str:

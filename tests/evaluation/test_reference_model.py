@@ -197,7 +197,8 @@ def test_a_law_that_adds_nothing_that_data_identify_is_no_reference():
     assert unsupported(near, [PEAK, LEVELS], [LEVELS, LEVELS]).tolist() == [True, False]
     assert not unsupported(far, [PEAK, LEVELS], [LEVELS, LEVELS]).any()
     assert not unsupported(near, [PEAK, LEVELS], [PEAK, LEVELS]).any()
-    assert not unsupported(near, [PEAK, LEVELS], [frozenset(), LEVELS]).any()  # without intervals
+    assert not unsupported(near, [PEAK, LEVELS], [None, LEVELS]).any()  # without intervals
+    assert unsupported(near, [PEAK, LEVELS], [frozenset(), frozenset()]).tolist() == [True, False]
     assert not unsupported(near, [PEAK, frozenset({"knots"})], [LEVELS, LEVELS]).any()
 
 
