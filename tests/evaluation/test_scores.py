@@ -104,6 +104,24 @@ def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
     assert found["all", "all"] == pytest.approx(np.sqrt(np.concatenate(squares).mean()), rel=1e-9)
 
 
+def backwards(recording):
+    """The recording played backwards, of which the motion implies that friction gives energy."""
+    angle, torque = (s._replace(value=s.value[::-1]) for s in (recording.angle, recording.torque))
+    return replace(recording, angle=angle, torque=torque)
+
+
+def test_friction_is_not_judged_by_its_energy_where_some_motion_implies_that_it_gives_some(folds):
+    first, *others = dataset().recordings
+    found = []
+    for recording in (first, backwards(first)):
+        recordings = tuple(replace(r, truth=None) for r in (recording, *others))
+        mixed = prepare(dataset(recordings=recordings, truth=None), PROTOCOL)
+        rows, *_ = score_folds(viscous(0.004, 0.004, 0.004), viscous(0.004)[0], mixed, folds)
+        found.append({fold for fold, _ in select(rows, score="dissipated_energy")})
+    everything = {"0", "1", "2", "all"}
+    assert found == [everything, everything - {"all", folds.labels[0][0].astype(str)}]
+
+
 # --- Data that nothing was fitted to -------------------------------------------------------------
 
 
