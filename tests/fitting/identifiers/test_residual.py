@@ -19,6 +19,7 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import euler_step
 from frictionid.fitting.one_step.residual import (
+    IN_TURN,
     mask_stiction,
     one_step_problem,
     stiction_mask,
@@ -264,6 +265,19 @@ def test_the_stiction_mask_marks_joints_that_are_slow_at_a_node_or_reverse(build
     for k, nodes in enumerate(problem.stencil):
         for j, w in enumerate(problem.nodes.inputs.w[nodes].T):
             assert mask[k, j] == (np.abs(w).min() < 0.2 or w.min() < 0 < w.max())
+
+
+def test_a_slow_recording_slides_unless_joints_move_in_turn():
+    """Beside a fast one it has the mask that it has alone; for torques it is at rest."""
+    recording, states = made_up(np.random.default_rng(17), 60)
+    fast = states._replace(q=states.time[:, None] + np.zeros(2), w=1.0 + 0.5 * np.sin(states.q))
+    crawl = fast._replace(w=1e-4 * fast.w, q=1e-4 * fast.q)
+    build = PROBLEMS["integral"]
+    alone = build(plants(1), [recording], [crawl])
+    both = build(plants(2), 2 * [recording], [fast, crawl])
+    second = both.recording == 1
+    assert not stiction_mask(alone, None).any() and not stiction_mask(both, None)[second].any()
+    assert (stiction_mask(both, None, IN_TURN) == second[:, None]).all()
 
 
 def test_a_masked_residual_is_the_least_that_any_friction_of_masked_joints_leaves(build):
