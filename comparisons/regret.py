@@ -151,7 +151,7 @@ def arm(name: str, sample_time: float | None, horizons: tuple[float, ...]) -> Ma
 def go2() -> Machine:
     """Quadruped in the air, tested on the last third of its chirp, with its controller."""
     tests, laws = {"free run": part("go2", 2 / 3, 1)}, ("coulomb_viscous", "ripple")
-    return Machine(part("go2", 0, 2 / 3), tests, laws, "shooting", 0.02, None, free_runs, 2)
+    return Machine(part("go2", 0, 2 / 3), tests, laws, "shooting", 0.02, None, free_runs, 3)
 
 
 MACHINES: Mapping[str, Callable[[], Machine]] = {
@@ -243,7 +243,8 @@ def default_of(machine: Machine) -> tuple[str, str, dict[str, fid.Fit]]:
         sample_time=machine.sample_time,
     )
     fitted, verdict = comparison.fitted, comparison.verdict
-    assert fitted is not None and verdict.provisional is not None
+    if fitted is None or verdict.provisional is None:
+        raise InputError(verdict.sentence)
     for law in verdict.candidates:
         print(f"  folds: {_numbers(law.by_fold):60s} {law.name} {law.standing}")
     by_law = {name: fitted[name, machine.method] for name in machine.laws}

@@ -35,6 +35,7 @@ from .window_steps import (
     initial_state_damping,
     linearised_at,
     moved_nodes,
+    opened,
     with_windows_checked,
 )
 from .windows import NormalEquations, Solution, eliminate_states
@@ -216,7 +217,8 @@ def _converged(last: _Step, begins: Sequence[tuple[float, Array]]) -> bool:
 def _accepted_or_last(step: _Step) -> tuple[Point, float]:
     """The point that a step led to, less damping; or the point before it again, more damping.
 
-    A step is taken back where the cost has grown, or the physics step cannot follow the friction.
+    A step is taken back where the cost has grown, closed gaps have opened, or the physics step
+    cannot follow the friction.
     """
     s, last, problem = step.solution, step.point, step.solution.problem
     huber = problem.settings.huber
@@ -228,9 +230,10 @@ def _accepted_or_last(step: _Step) -> tuple[Point, float]:
             raise
         return shorter
     near = step.largest <= step.share * _NEAR
+    too_far = opened(point, last)
     point = with_windows_checked(point, last, s.move, s.sigma, huber, near)
     before, after = (cost_of(x.prediction, point.out, s.sigma, huber) for x in (last, point))
-    if after > _WORSE * before and step.damping < _DAMPING[1]:
+    if (too_far or after > _WORSE * before) and step.damping < _DAMPING[1]:
         return shorter
     return point, max(step.damping / 10.0, _DAMPING[0])
 

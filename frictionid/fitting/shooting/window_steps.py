@@ -21,7 +21,7 @@ from .windows import (
 )
 
 _LOST = 0.5  # [rad]: nodes that leave the measured motion by more begin anew
-_MOST = 4.0  # of Huber's threshold: windows further off are lost anyhow
+_MOST = 4.0  # squares of Huber's threshold, of up to two joints: windows further off are lost
 _CLOSED, _OPEN = 0.1, 1.0  # [noise]: a typical gap when most have closed, and one that has not
 _HALF = 0.5  # of a lost window's cost: up to there a window counts fully
 _FAR = 2.0  # [noise], and noise per sample: a long step of an initial state
@@ -124,6 +124,14 @@ def _most_closed(point: Point) -> bool:
     return bool(np.median(point.gap) < _CLOSED)
 
 
+def opened(point: Point, last: Point) -> bool:
+    """Whether a step tore predictions apart where most gaps had closed: it went too far.
+
+    The cost, which is that of the linearisation, does not show it.
+    """
+    return _most_closed(last) and not np.median(point.gap) <= _OPEN
+
+
 def _taper(cost: Array, lost: Array) -> Array:
     """How far costs (W,) have gone from half that of a lost window, 0, to it, 1."""
     return np.clip((cost / np.maximum(lost, 1e-300) - _HALF) / (1.0 - _HALF), 0.0, 1.0)
@@ -137,8 +145,9 @@ def _costs(prediction: WindowPrediction, sigma: Array, huber: float) -> Array:
 
 
 def _lost_cost(prediction: WindowPrediction, huber: float) -> Array:
-    """Cost (W,) of windows that are lost."""
-    return _MOST * huber**2 * prediction.share.sum(axis=1)
+    """Cost (W,) of windows that are lost: of more joints it is more."""
+    joints = max(1.0, prediction.error.shape[-1] / 2)
+    return _MOST * huber**2 * joints * prediction.share.sum(axis=1)
 
 
 def with_windows_checked(

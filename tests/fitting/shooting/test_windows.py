@@ -136,6 +136,19 @@ def test_a_window_counts_as_its_cost_grows():
     assert_allclose(slope, counts * full, atol=1e-4 * full.max())
 
 
+@pytest.mark.parametrize("off", [1.0, 2.0, 4.0, 6.0])
+def test_a_window_counts_alike_whatever_the_number_of_joints(off):
+    """Noise of many joints together is no reason to lose it."""
+    few = prediction_of(np.random.default_rng(6))
+    none, counts = np.zeros(W), []
+    for times in (1, 6):
+        many = few._replace(error=off * np.tile(SIGMA, times) * np.ones((W, N + 1, times * JOINTS)))
+        point = Point(None, none, none, many, none, none, none, none > 0, none > 0, none)
+        counts.append(counts_of(point, np.tile(SIGMA, times), 2.5))
+    assert_allclose(*counts, rtol=1e-12)
+    assert (counts[0][0] == 1.0) == (off < 3.0)
+
+
 def test_a_window_is_left_out_where_its_gap_stays_open_and_not_while_it_closes():
     """Of eight windows one stays open, another one halves its gap and more with each step."""
     shape, none = (8, N + 1, JOINTS), np.zeros(8)
@@ -260,6 +273,30 @@ def test_steps_into_friction_too_steep_are_taken_back_and_the_fit_ends_where_it_
     off = np.abs(damped.covariance.values - free.covariance.values) / free.covariance.error
     assert free.diagnostics.settled and damped.diagnostics.settled
     assert off.max() < 0.1
+
+
+def test_steps_that_tear_closed_gaps_open_are_taken_back(monkeypatch):
+    """The cost is that of the linearisation, and shows no change."""
+    next_step, linearised_at = gauss_newton._next_step, gauss_newton.linearised_at
+    begun, torn = [], []
+
+    def heard(problem, point, sigma, damping, share):
+        begun.append((problem, point, damping))
+        return next_step(problem, point, sigma, damping, share)
+
+    def torn_open(problem, windows, *others):
+        point = linearised_at(problem, windows, *others)
+        same = begun and problem is begun[-1][0] and windows is begun[-1][1].windows  # stage
+        if same and not torn and np.median(begun[-1][1].gap) < 0.1:
+            torn.append(len(begun))
+            point = point._replace(gap=100.0 + point.gap)
+        return point
+
+    monkeypatch.setattr(gauss_newton, "_next_step", heard)
+    monkeypatch.setattr(gauss_newton, "linearised_at", torn_open)
+    assert refine(START, dataset(), (FrictionBlock(),), Settings()).diagnostics.settled
+    (_, before, _), (_, after, damping) = begun[torn[0] - 1 : torn[0] + 1]
+    assert after is before and damping >= 1e-3
 
 
 def test_a_start_too_steep_and_steps_that_no_damping_helps_are_refused(monkeypatch):
