@@ -23,6 +23,7 @@ from .windows import (
 _LOST = 0.5  # [rad]: nodes that leave the measured motion by more begin anew
 _MOST = 4.0  # squares of Huber's threshold, of up to two joints: windows further off are lost
 _CLOSED, _OPEN = 0.1, 1.0  # [noise]: a typical gap when most have closed, and one that has not
+_TORN = 10.0  # [noise]: a typical gap after a step that went too far
 _HALF = 0.5  # of a lost window's cost: up to there a window counts fully
 _FAR = 2.0  # [noise], and noise per sample: a long step of an initial state
 _FEW = 0.15  # of the windows, which may be left out for good
@@ -129,7 +130,7 @@ def opened(point: Point, last: Point) -> bool:
 
     The cost, which is that of the linearisation, does not show it.
     """
-    return _most_closed(last) and not np.median(point.gap) <= _OPEN
+    return _most_closed(last) and not np.median(point.gap) <= _TORN
 
 
 def _taper(cost: Array, lost: Array) -> Array:
