@@ -140,21 +140,35 @@ def begun(stage: Stage) -> Stage:
     none_held = not offered and not any(np.isfinite(p.size) for p in law.parameters)
     settings, half = stage.settings, (stage.settings.iterations + 1) // 2
     rough = settings if none_held else replace(settings, iterations=half, tolerance=_ROUGH)
-    stage = _with_peaks(solved(stage._replace(settings=rough)))
-    if settings.windows == WINDOWS and stage.solution.closed.mean() < _MANY:
-        longer = tuple(_LONGER * w for w in stage.problem.settings.windows)
-        try:
-            stage = solved(stage._replace(settings=replace(rough, windows=longer)))
-            settings = replace(settings, windows=longer)
-        except InputError:  # the recordings are too short for these
-            pass
-    stage = stage._replace(settings=settings)
+    stage = _begun_roughly(stage, rough)
+    stage = stage._replace(settings=replace(settings, windows=stage.settings.windows))
     if not explained(stage.solution):
         stage = stage._replace(blocks=tuple(map(_not_held, stage.blocks)))
     if none_held:
         return stage
     idle = _local_cost(stage).idle((), settings.significance)
     return _without(stage, idle) or solved(stage)
+
+
+def _begun_roughly(stage: Stage, rough: Settings) -> Stage:
+    """The stage with a rough fit, of longer windows where that of usual ones loses many or all."""
+    given, short = rough.windows != WINDOWS, stage._replace(settings=rough)
+    try:
+        stage = _with_peaks(solved(short))
+        if given or stage.solution.closed.mean() >= _MANY:
+            return stage
+    except NoFitError:
+        if given:
+            raise
+        stage = short
+    windows = rough.at(float(np.median(stage.intervals.dt))).windows
+    longer = replace(rough, windows=tuple(_LONGER * w for w in windows))
+    try:
+        return solved(stage._replace(settings=longer))
+    except InputError:  # the recordings are too short for these
+        if stage.ended is None:
+            raise
+        return stage
 
 
 def _with_peaks(stage: Stage) -> Stage:

@@ -21,7 +21,7 @@ from .windows import (
 )
 
 _LOST = 0.5  # [rad]: nodes that leave the measured motion by more begin anew
-_MOST = 4.0  # squares of Huber's threshold, of up to two joints: windows further off are lost
+_MOST = 4.0  # of Huber's threshold: windows further off are lost anyhow
 _CLOSED, _OPEN = 0.1, 1.0  # [noise]: a typical gap when most have closed, and one that has not
 _TORN = 10.0  # [noise]: a typical gap after a step that went too far
 _HALF = 0.5  # of a lost window's cost: up to there a window counts fully
@@ -146,9 +146,8 @@ def _costs(prediction: WindowPrediction, sigma: Array, huber: float) -> Array:
 
 
 def _lost_cost(prediction: WindowPrediction, huber: float) -> Array:
-    """Cost (W,) of windows that are lost: of more joints it is more."""
-    joints = max(1.0, prediction.error.shape[-1] / 2)
-    return _MOST * huber**2 * joints * prediction.share.sum(axis=1)
+    """Cost (W,) of windows that are lost."""
+    return _MOST * huber**2 * prediction.share.sum(axis=1)
 
 
 def with_windows_checked(
