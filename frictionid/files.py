@@ -1,6 +1,7 @@
 """Files written as a whole or not at all, and JSON."""
 
 import errno
+import hashlib
 import json
 import math
 import os
@@ -54,6 +55,11 @@ def read_bytes(path: Path) -> bytes:
         return regular_file(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); check it") from None
+
+
+def sha256(content: bytes) -> str:
+    """Its SHA-256 in hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
 
 
 def write_text(path: Path, text: str, *, durable: bool = False) -> None:

@@ -5,7 +5,6 @@ A result folder lists what was written there in SHA256SUMS (`sha256sum -c` check
 that are unchanged are made anew or removed, all others are the user's own and stay.
 """
 
-import hashlib
 import os
 import stat
 import tempfile
@@ -14,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from frictionid.errors import InputError
-from frictionid.files import TEMPORARY, write_bytes, write_text
+from frictionid.files import TEMPORARY, sha256, write_bytes, write_text
 
 SUMS = "SHA256SUMS"
 
@@ -133,7 +132,7 @@ def replace_files(folder: Path, contents: Mapping[str, bytes], *, replace: bool 
     listed = _listed(folder)
     for name in contents:
         _check_place(folder, name, listed.get(name, frozenset()), replace)
-    sums = {name: frozenset({_sum(content)}) for name, content in contents.items()}
+    sums = {name: frozenset({sha256(content)}) for name, content in contents.items()}
     both = {n: listed.get(n, frozenset()) | sums.get(n, frozenset()) for n in {*listed, *sums}}
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -176,7 +175,7 @@ def _check_ours(path: Path, sums: frozenset[str], replace: bool) -> None:
 
 
 def _is_ours(path: Path, sums: Iterable[str]) -> bool:
-    return path.is_file() and not path.is_symlink() and _sum(path.read_bytes()) in sums
+    return path.is_file() and not path.is_symlink() and sha256(path.read_bytes()) in sums
 
 
 def _remove(folder: Path, stale: Mapping[str, frozenset[str]]) -> None:
@@ -187,10 +186,6 @@ def _remove(folder: Path, stale: Mapping[str, frozenset[str]]) -> None:
             path.unlink()
             if path.parent != folder and not any(path.parent.iterdir()):
                 path.parent.rmdir()
-
-
-def _sum(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
 
 
 def _write_sums(folder: Path, sums: Mapping[str, frozenset[str]]) -> None:

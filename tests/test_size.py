@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 559_173, 386, 569, 69
-TEST_TOKENS, WORDS = 404_622, 27_954
+TOKENS, FILES, CLASSES, NAMES = 559_233, 386, 569, 69
+TEST_TOKENS, WORDS = 405_486, 27_952
 
 
 def tokens(path):

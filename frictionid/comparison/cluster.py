@@ -5,7 +5,6 @@ content; workers pass it on to each other. A worker that dies costs time only: o
 calls, and what it held is sent again. Nothing stays on the cluster when the calls end.
 """
 
-import hashlib
 import pickle
 import re
 import sys
@@ -24,6 +23,7 @@ from threadpoolctl import threadpool_limits
 
 from frictionid.config import is_installed
 from frictionid.errors import InputError
+from frictionid.files import sha256
 
 from .processes import one_torch_thread, package_digest, versions
 
@@ -154,7 +154,7 @@ def _submitted(
     contents: dict[int, Future] = {}
     for first in {id(call[0]): call[0] for call in calls}.values():
         content = cloudpickle.dumps(first)
-        key = f"frictionid-data-{hashlib.sha256(content).hexdigest()}"
+        key = f"frictionid-data-{sha256(content)}"
         contents[id(first)] = client.submit(_held, content, key=key)
     name, wanted = f"frictionid-calls-{uuid.uuid4().hex}", _wanted()
     return [

@@ -1,6 +1,5 @@
 """Calls of a function side by side, one thread each, and what their numbers depend on."""
 
-import hashlib
 import os
 import platform
 import signal
@@ -20,6 +19,8 @@ import cloudpickle
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky import process_executor
 from threadpoolctl import threadpool_limits
+
+from frictionid.files import sha256
 
 Returned = TypeVar("Returned")
 
@@ -111,7 +112,5 @@ def versions() -> dict[str, str]:
 @cache
 def package_digest() -> str:
     """SHA-256 of this package's sources: another version may find other numbers."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
+    files = sorted(Path(__file__).parents[1].rglob("*.py"))
+    return sha256(b"".join(path.read_bytes() for path in files))

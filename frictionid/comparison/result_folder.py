@@ -5,7 +5,6 @@ unfinished/   a comparison that runs or was interrupted: its provenance.json, da
 Finished tasks are never deleted but by `replace`. Each carries the hash of its own content.
 """
 
-import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,7 +15,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from frictionid.errors import InputError
-from frictionid.files import plain, read_json, remove_unfinished, sync_folder, write_json
+from frictionid.files import plain, read_json, remove_unfinished, sha256, sync_folder, write_json
 from frictionid.outputs import check_unchanged, linked
 
 Document = Mapping[str, Any]  # as JSON has it
@@ -155,7 +154,7 @@ def is_sealed(document: Document) -> bool:
 
 
 def _hash(content: Document) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return sha256(json.dumps(content, sort_keys=True).encode())
 
 
 def _tasks(folder: Path, suite: str, replace: bool) -> list[str]:

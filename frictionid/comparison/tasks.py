@@ -4,7 +4,6 @@ A result file carries the digest of all that it depends on (data, folds, setting
 that an interrupted comparison is finished by running what is missing.
 """
 
-import hashlib
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,6 +17,7 @@ from joblib import cpu_count
 
 from frictionid.errors import InputError, NoFitError, located
 from frictionid.evaluation import HorizonErrors
+from frictionid.files import sha256
 from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
@@ -298,10 +298,7 @@ def digest_of(value: Any) -> str:
     >>> digest_of({"a": 1, "b": np.zeros(2)}) == digest_of({"b": np.zeros(2), "a": 1})
     True
     """
-    digest = hashlib.sha256()
-    for part in _parts(value):
-        digest.update(part)
-    return digest.hexdigest()
+    return sha256(b"".join(_parts(value)))
 
 
 def _parts(value: Any) -> Iterator[bytes]:

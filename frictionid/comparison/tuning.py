@@ -1,6 +1,5 @@
 """Searches for settings: a study for each task, sampler and fold; the suite with the best."""
 
-import hashlib
 import json
 import math
 import os
@@ -13,7 +12,7 @@ from typing import Any
 from frictionid.config import read_toml
 from frictionid.errors import InputError
 from frictionid.evaluation import Split
-from frictionid.files import read_bytes
+from frictionid.files import read_bytes, sha256
 
 from .cross_validate import Benchmark, PreparedBenchmark, prepare_benchmark
 from .processes import side_by_side
@@ -265,7 +264,7 @@ def _digest(spec: Spec, data: NestedData) -> str:
     digest = task.task(data.benchmark(task, fold), first).digest
     spaces = {key: space.words for key, space in task.search.items()}
     words = json.dumps([spaces, task.suite_settings, tuning.objective.words, tuning.seed])
-    return hashlib.sha256(f"{digest} {words} {sampler}".encode()).hexdigest()
+    return sha256(f"{digest} {words} {sampler}".encode())
 
 
 def _score_held_out(studies: Sequence[Study], data: NestedData, jobs: int) -> None:

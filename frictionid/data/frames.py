@@ -1,6 +1,5 @@
 """Recordings from data frames and arrays: columns as in dataset.toml, read by the same code."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Number
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from frictionid.config import nearest
 from frictionid.errors import InputError
+from frictionid.files import sha256
 from frictionid.mechanics import Mechanism
 
 from .readers.column_toml import SPELLINGS
@@ -58,10 +58,10 @@ def read_frames(
 
 
 def _digest(table: Table) -> str:
-    digest = hashlib.sha256()
-    for column, values in table.columns.items():
-        digest.update(column.encode() + np.ascontiguousarray(values, "<f8").tobytes())
-    return digest.hexdigest()
+    columns = table.columns.items()
+    return sha256(
+        b"".join(c.encode() + np.ascontiguousarray(v, "<f8").tobytes() for c, v in columns)
+    )
 
 
 @dataclass(frozen=True)

@@ -252,14 +252,12 @@ def _energy_scores(energy: Array, fold: Array) -> Iterator[Score]:
     Of all folds only where the motion of each implies that friction takes some: else it is the
     balance that is off.
     """
-    names = np.unique(fold)
-    implied, taken = np.stack([energy[:, fold == f].sum(axis=1) for f in names], axis=1)
-    takes = implied > 0
-    ratios = dict(zip(names[takes].astype(str), taken[takes] / implied[takes], strict=True))
-    if takes.all():
-        ratios["all"] = taken.sum() / implied.sum()
-    for name, ratio in ratios.items():
-        yield Score(name, "dissipated_energy", "ratio", value=float(ratio))
+    parts = [(str(f), energy[:, fold == f].sum(axis=1)) for f in np.unique(fold)]
+    if all(implied > 0 for _, (implied, _) in parts):
+        parts.append(("all", energy.sum(axis=1)))
+    for name, (implied, taken) in parts:
+        if implied > 0:
+            yield Score(name, "dissipated_energy", "ratio", value=float(taken / implied))
 
 
 def _rollouts(

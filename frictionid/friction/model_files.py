@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, fields
 from difflib import get_close_matches
-from hashlib import sha256
 from importlib import import_module
 from inspect import isabstract
 from pathlib import Path
@@ -21,7 +20,15 @@ import numpy as np
 from frictionid.config import unknown
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError, located, needs
-from frictionid.files import TEMPORARY, model_path, read_json, regular_file, write_bytes, write_json
+from frictionid.files import (
+    TEMPORARY,
+    model_path,
+    read_json,
+    regular_file,
+    sha256,
+    write_bytes,
+    write_json,
+)
 from frictionid.friction import Friction, Law, laws, units_of
 
 from .bam_files import is_bam, read_bam
@@ -151,7 +158,7 @@ def save_model(friction: Friction, path: Path) -> None:
         content = save({"theta": np.ascontiguousarray(document["theta"])})
         _keep_named(path, beside)
         write_bytes(beside, content)
-        document["theta"] = {"file": beside.name, "sha256": sha256(content).hexdigest()}
+        document["theta"] = {"file": beside.name, "sha256": sha256(content)}
     write_json(path, document)
     _earlier(beside).unlink(missing_ok=True)
 
@@ -187,7 +194,7 @@ def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
         ) from None
     except (SafetensorError, KeyError) as error:
         raise InputError(f"{path}: {name} holds no tensor theta ({error})") from None
-    if sha256(content).hexdigest() != table.get("sha256"):
+    if sha256(content) != table.get("sha256"):
         raise InputError(f"{path}: {name} holds other weights than were saved with it: fit again")
     return np.asarray(theta, dtype=float)
 
@@ -195,9 +202,7 @@ def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
 def _named(table: Mapping[str, Any], weights: Path) -> bytes:
     """Content of the weights that a model file names: the file, or what was kept of it."""
     for file in (weights, _earlier(weights)):
-        if file.is_file() and sha256(content := file.read_bytes()).hexdigest() == table.get(
-            "sha256"
-        ):
+        if file.is_file() and sha256(content := file.read_bytes()) == table.get("sha256"):
             return content
     return regular_file(weights).read_bytes()
 

@@ -5,7 +5,6 @@ paper and without scripts the figures of the report stand in its place.
 """
 
 import base64
-import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
@@ -19,7 +18,7 @@ from frictionid.arrays import Array
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.results import Results, reduction
 from frictionid.evaluation import Split
-from frictionid.files import plain
+from frictionid.files import plain, sha256
 from frictionid.outputs import replace_files
 
 from .candidates import family_table
@@ -121,7 +120,7 @@ def _context(
 
 def _digest(hashes: Mapping[str, str]) -> str:
     """SHA-256 over the hashes of all files of a data set."""
-    return hashlib.sha256(json.dumps(hashes, sort_keys=True).encode()).hexdigest()
+    return sha256(json.dumps(hashes, sort_keys=True).encode())
 
 
 def _images(exhibits: Mapping[Any, Exhibits], drawn: Mapping[str, bytes]) -> dict[str, str]:

@@ -1,6 +1,5 @@
 """Files of simulated rigs: their rig.toml, and the data set as a folder of tables."""
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
@@ -24,7 +23,7 @@ from frictionid.data.two_clock_table import (
     two_clock_csv,
 )
 from frictionid.errors import InputError
-from frictionid.files import read_bytes, write_bytes
+from frictionid.files import read_bytes, sha256, write_bytes
 from frictionid.outputs import check_writable, replace_files
 
 from .rig import AnyFriction, Rig
@@ -169,7 +168,7 @@ def _files(dataset: Dataset) -> dict[str, bytes]:
     driven = dataset.mechanism.driven
     tables = {f"{r.name}.csv": _table(r, driven) for r in dataset.recordings}
     document = _document(dataset, driven)
-    document["sha256"] = {name: hashlib.sha256(text).hexdigest() for name, text in tables.items()}
+    document["sha256"] = {name: sha256(text) for name, text in tables.items()}
     document["truth"] = dict(dataset.truth or {})
     robot = _robot_file(document["mechanism"])
     return {**robot, **tables, "dataset.toml": tomli_w.dumps(document).encode()}

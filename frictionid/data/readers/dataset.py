@@ -1,6 +1,5 @@
 """Data sets: a dataset.toml and its tables, as checked recordings in SI units."""
 
-import hashlib
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping
@@ -14,7 +13,7 @@ import numpy as np
 
 from frictionid.config import imported, nearest, read_toml, untrusted
 from frictionid.errors import InputError
-from frictionid.files import read_bytes
+from frictionid.files import read_bytes, sha256
 from frictionid.mechanics import Mechanism, mechanism_of
 
 from ..recordings import Dataset, Recording
@@ -220,7 +219,7 @@ def _check_names(keys: Iterable[str], names: list[str], where: str) -> None:
 
 
 def _sha256(content: bytes, file: Path, expected: str | None) -> str:
-    digest = hashlib.sha256(content).hexdigest()
+    digest = sha256(content)
     if expected not in (None, digest):
         raise InputError(
             f"{file} is not the described file: its SHA-256 is {digest}, dataset.toml says "

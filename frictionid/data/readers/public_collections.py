@@ -1,6 +1,5 @@
 """Public recordings: origin, licence and hashes of their files, and how to get them."""
 
-import hashlib
 import os
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -12,7 +11,7 @@ from pydantic import Field
 
 from frictionid.config import Strict, nearest, parse_toml
 from frictionid.errors import InputError, needs
-from frictionid.files import read_bytes, write_bytes
+from frictionid.files import read_bytes, sha256, write_bytes
 
 
 class File(Strict):
@@ -132,7 +131,7 @@ def copy_collection(name: str, source: Path) -> list[str]:
             missing.append(file.name)
             continue
         target = file.names[1] if place.name.endswith(".gz") else file.name
-        check_file(name, target, _hash(place), place.parent)
+        check_file(name, target, sha256(read_bytes(place)), place.parent)
         places[target] = place
     if not places:
         raise InputError(
@@ -197,7 +196,3 @@ def _at(folder: Path, file: File) -> Path | None:
 def _original_at(folder: Path, file: File) -> Path | None:
     place = folder / (file.source or file.name)
     return place if place.is_file() else None
-
-
-def _hash(file: Path) -> str:
-    return hashlib.sha256(read_bytes(file)).hexdigest()

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +12,7 @@ from frictionid.arrays import MAD, Array
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Prepared, training_of, with_calibration
-from frictionid.files import json_text, read_bytes, read_json, write_json
+from frictionid.files import json_text, read_bytes, read_json, sha256, write_json
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction, along
 from frictionid.friction.model_files import model_document, read_model
@@ -109,7 +108,7 @@ def machine_of(mechanism: Mechanism) -> dict[str, Any]:
     """The [mechanism] table as files have it, with the digest of a file in place of its path."""
     table = json.loads(json_text(mechanism.table))
     for name in {"urdf", "mjcf"} & {*table}:
-        table[name] = sha256(read_bytes(Path(table[name]))).hexdigest()
+        table[name] = sha256(read_bytes(Path(table[name])))
         table["joints"] = list(mechanism.joints)  # said or not
     return dict(table)
 
@@ -126,7 +125,7 @@ def hashes_of(dataset: Dataset) -> tuple[str, ...]:
 
     def digest(r: Any) -> str:
         parts = (r.angle.time, r.angle.value, r.torque.time, r.torque.value)
-        return sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts)).hexdigest()
+        return sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts))
 
     return tuple(digest(r) for r in dataset.recordings)
 

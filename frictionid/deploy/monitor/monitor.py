@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from frictionid.comparison.usual_method import usual_method
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.files import json_text, read_json, write_json
+from frictionid.files import json_text, read_json, sha256, write_json
 from frictionid.friction.provenance import Segment
 
 from .baseline import (
@@ -187,7 +186,7 @@ STATE = "frictionid monitor 2"
 def digest_of(baseline: Baseline) -> str:
     """Digest of what a baseline knows of its recordings."""
     text = json_text({"hashes": baseline.hashes, "value": baseline.changes.value})
-    return sha256(text.encode()).hexdigest()
+    return sha256(text.encode())
 
 
 def load_state(path: Path, baseline: Baseline) -> list[Arrival]:

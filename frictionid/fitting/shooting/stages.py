@@ -152,15 +152,14 @@ def begun(stage: Stage) -> Stage:
 
 def _begun_roughly(stage: Stage, rough: Settings) -> Stage:
     """The stage with a rough fit, of longer windows where that of usual ones loses many or all."""
-    given, short = rough.windows != WINDOWS, stage._replace(settings=rough)
+    usual, stage = rough.windows == WINDOWS, stage._replace(settings=rough)
     try:
-        stage = _with_peaks(solved(short))
-        if given or stage.solution.closed.mean() >= _MANY:
+        stage = _with_peaks(solved(stage))
+        if not usual or stage.solution.closed.mean() >= _MANY:
             return stage
     except NoFitError:
-        if given:
+        if not usual:
             raise
-        stage = short
     windows = rough.at(float(np.median(stage.intervals.dt))).windows
     longer = replace(rough, windows=tuple(_LONGER * w for w in windows))
     try:

@@ -1,6 +1,5 @@
 """Mechanisms that a file describes: which of its joints move, from where, with which payload."""
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ import numpy as np
 
 from frictionid.config import check_arguments, nearest
 from frictionid.errors import InputError
+from frictionid.files import sha256
 
 from .base_parameters import base_parameters
 from .rigid_body_tree import RigidBodyTree, parameters_of_tree
@@ -171,7 +171,5 @@ def _coupled(
 
 def _identity(tree: Tree) -> str:
     arrays = (tree.parent, tree.prismatic, tree.axis, tree.turn, tree.shift, tree.inertia)
-    digest = hashlib.sha256()
-    for array in (*arrays, tree.rotors, tree.gravity):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
+    every = (*arrays, tree.rotors, tree.gravity)
+    return sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in every))

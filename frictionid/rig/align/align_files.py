@@ -1,6 +1,5 @@
 """From a table of angles and a torque log to an aligned recording."""
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +15,7 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import TORQUE_HOLD, Signal, cut
 from frictionid.data.two_clock_table import joint_columns
 from frictionid.errors import InputError
-from frictionid.files import read_bytes
+from frictionid.files import read_bytes, sha256
 from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.report.tables import render
 
@@ -195,7 +194,7 @@ def align_files(
         alignment=alignment,
         marker=edges,
         responses=_responses(rows, rig, alignment.span),
-        sources={p.name: hashlib.sha256(read_bytes(p)).hexdigest() for p in (angles, log)},
+        sources={p.name: sha256(read_bytes(p)) for p in (angles, log)},
         warnings=tuple(_warnings(seen, angle, runs, uncertainty)),
     )
 

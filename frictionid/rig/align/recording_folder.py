@@ -1,6 +1,5 @@
 """frictionid.align: angles and a torque log on one clock, as a recording, and in pictures."""
 
-import hashlib
 import math
 import re
 from collections.abc import Mapping
@@ -21,7 +20,7 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import TORQUE_HOLD, Signal
 from frictionid.data.two_clock_table import CAMERA, DRIVE, decimal_cells, two_clock_csv
 from frictionid.errors import InputError
-from frictionid.files import read_bytes, write_bytes, write_text
+from frictionid.files import read_bytes, sha256, write_bytes, write_text
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.outputs import check_outputs
 from frictionid.report.figures.style import (
@@ -171,7 +170,7 @@ def add_recording(
     text = _table(head, angle, torque)
     hashes = {
         **document.get("sha256", {}),
-        f"{name}.csv": hashlib.sha256(text.encode()).hexdigest(),
+        f"{name}.csv": sha256(text.encode()),
     }
     columns = dict(head["columns"])
     if angle.sigma is not None:
