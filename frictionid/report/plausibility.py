@@ -192,7 +192,7 @@ def _energy(model: Model, data: SummaryData) -> _Answer:
     """Over held-out motion friction takes the energy that the momentum balance is short of."""
     value = data.value(model, ENERGY) - 1.0
     if not np.isfinite(value):
-        return NOT_EVALUATED, "the motion of some recordings implies no friction"
+        return NOT_EVALUATED, "no energy is known, or a fold implies that friction gives some"
     low, high = (v - 1.0 for v in _interval(data.of_folds(model, ENERGY)))
     outcome = _outcome(abs(value) > UNBALANCED, low > 0 or high < 0, FAILED)
     amount = f"{_percent(abs(value))} {'more' if value > 0 else 'less'}"
