@@ -85,6 +85,7 @@ def test_an_implausible_model_without_a_rival_is_doubted(tmp_path):
         ([1.01, 0.99, 1.02, 0.98], "passed"),
         ([0.71, 0.69, 0.72, 0.68], "failed"),
         ([0.1, 1.3, 0.2, 1.2], "noted"),  # the folds disagree
+        ([0.7, 0.7, 0.7, 0.7], "noted"),  # whose scatter is not known
         (None, "not_evaluated"),
     ],
 )
