@@ -10,7 +10,7 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 559_233, 386, 569, 69
+TOKENS, FILES, CLASSES, NAMES = 559_236, 386, 569, 69
 TEST_TOKENS, WORDS = 405_500, 27_952
 
 

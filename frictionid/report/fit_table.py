@@ -154,6 +154,8 @@ ParameterRow = tuple[str, str, tuple[Cell | None, ...]]  # name, unit, value at 
 def parameter_rows(model: Model, data: SummaryData) -> list[ParameterRow]:
     """Friction parameters, one for each row; none of networks and of models without friction.
 
+    Without those that were not fitted at any joint, such as terms that a sparse sum does not have.
+
     Intervals are those of shooting or, for other fits, of the jackknife over the folds.
     """
     joints = model.document.get("joints", ())
@@ -162,7 +164,8 @@ def parameter_rows(model: Model, data: SummaryData) -> list[ParameterRow]:
     for name in dict.fromkeys(name for parameters in joints for name in parameters):
         units = [parameters[name]["unit"] for parameters in joints if name in parameters]
         each = tuple(values.get((j, name)) for j in range(len(data.description.joints)))
-        rows.append((name, either(units).replace("^2", "²"), each))
+        if any(each):
+            rows.append((name, either(units).replace("^2", "²"), each))
     return rows
 
 

@@ -230,10 +230,9 @@ def _accepted_or_last(step: _Step) -> tuple[Point, float]:
             raise
         return shorter
     near = step.largest <= step.share * _NEAR
-    too_far = opened(point, last)
     point = with_windows_checked(point, last, s.move, s.sigma, huber, near)
     before, after = (cost_of(x.prediction, point.out, s.sigma, huber) for x in (last, point))
-    if (too_far or after > _WORSE * before) and step.damping < _DAMPING[1]:
+    if (opened(point, last) or after > _WORSE * before) and step.damping < _DAMPING[1]:
         return shorter
     return point, max(step.damping / 10.0, _DAMPING[0])
 
