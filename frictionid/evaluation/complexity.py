@@ -95,10 +95,9 @@ def nested_names(names: Iterable[str]) -> frozenset[str]:
 def shown_names(estimates: Estimates | None) -> frozenset[str] | None:
     """Of these names those of friction that data tell from zero, at any joint (99 %).
 
-    None without intervals.
-
-    Without velocities, which say nothing of how much there is. A torque differs by direction where
-    the interval of the difference does not hold zero.
+    None where a fit has no intervals. Velocities say nothing of how much there is, and are not
+    among them. A torque differs by direction where the interval of the difference does not hold
+    zero.
     """
     if estimates is None:
         return None

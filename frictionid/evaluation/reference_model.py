@@ -288,8 +288,8 @@ def unsupported(
     """
 
     def adds_nothing(model: int, simpler: int) -> bool:
-        nested, certain = names[simpler] and names[simpler] < names[model], shown[model]
-        if not nested or certain is None or certain - names[simpler]:
+        nested, identified = names[simpler] and names[simpler] < names[model], shown[model]
+        if not nested or identified is None or identified - names[simpler]:
             return False
         pair = errors[simpler], errors[model]
         if any(e.diverged for e in pair) or len(np.unique(pair[0].group)) < FEWEST:
@@ -317,13 +317,13 @@ def preferring(
     names, shown, zero : of each model's parameters, of those that data tell from zero, None without
         intervals, and of those that are zero, or velocities, which then mean nothing
     """
-    certain = [told or frozenset() for told in shown]
+    identified = [each or frozenset() for each in shown]
     standings, lacking = list(choice.standings), []
     for i in choice.kept:
-        mine = certain[i] or names[i]
+        mine = identified[i] or names[i]
         richer = [k for k in choice.kept if mine and mine < names[k]]
         is_far = standings[i] == "undecided" and choice.distance(i) > 1.0 + REGION
-        if is_far and any(certain[k] - names[i] for k in richer):
+        if is_far and any(identified[k] - names[i] for k in richer):
             standings[i] = "worse"
             lacking.append(i)
     choice = choice._replace(standings=tuple(standings), lacking=tuple(lacking))
@@ -335,7 +335,7 @@ def preferring(
         if nested and standings[i] != "diverged":
             standings[i] = "adequate"
             return choice._replace(standings=tuple(standings), preferred=i, degenerate=chosen)
-    richer = [i for i in choice.kept if mine and mine < names[i] and certain[i] - mine]
+    richer = [i for i in choice.kept if mine and mine < names[i] and identified[i] - mine]
     undecided = [i for i in richer if standings[i] == "undecided"]
     near = [i for i in undecided if choice.distance(i) <= 1.0 + REGION]
     return choice._replace(preferred=min(near, key=choice.distance)) if near else choice

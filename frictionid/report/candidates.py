@@ -221,8 +221,8 @@ def _parameters(model: Model) -> frozenset[str]:
 
 def _shown(model: Model, fits: Sequence[Model]) -> frozenset[str] | None:
     """Friction's parameters that data tell from zero, by any recipe; None without intervals."""
-    told = [shown_names(f.refined) for f in fits if f.label == model.label]
-    return frozenset().union(*filter(None, told)) if told else None
+    identified = [shown_names(f.refined) for f in fits if f.label == model.label]
+    return frozenset().union(*filter(None, identified)) if identified else None
 
 
 def recipe_to_judge(candidates: Sequence[Candidate]) -> str:
