@@ -17,7 +17,7 @@ from frictionid.friction import laws as known
 from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import acrobot, double_pendulum
 
-COUNT, PIECES, FINE, TORQUES = 240, 2, 6, 2
+COUNT, PIECES, FINE, TORQUES = 240, 2, 8, 2
 SMOOTH = ("a wide smoothing", "motor load", "a film", "bearing load")
 STRIBECK = LAWS["stribeck"][1]
 NETWORK = known.MLP(hidden=(3,))

@@ -35,19 +35,17 @@ def end_states_of(
     free = model.free.joint, np.zeros((0, 0)) if each is None else each
 
     def advance(rows: Array, torque: MotorTorque, dt: Array, may_halve: bool) -> Array:
-        return _advance(tangent, *free, numbers, T, rows, *_torques(torque), dt, may_halve)
+        # loops are for one kind of array
+        torques = (np.ascontiguousarray(x) for x in torque[:4])
+        return _advance(tangent, *free, numbers, T, rows, *torques, dt, may_halve)
 
-    advance_in_pieces(advance, motor, dt, parts)
+    def in_halves(rows: Array, torque: MotorTorque, dt: Array) -> None:
+        advance(rows, torque, dt, False)
+
+    advance_in_pieces(advance, in_halves, motor, dt, parts)
     q, w, memory = np.split(numbers[:, :size], [n, 2 * n], axis=-1)
     entries = np.split(memory, len(start.memory), axis=-1) if start.memory else ()
     return State(q, w, tuple(entries)), T
-
-
-def _torques(motor: MotorTorque) -> tuple[Array, Array, Array, Array, bool]:
-    """Torques u, by, moment, moment_by of one piece, and whether any moment counts."""
-    # loops are for one kind of array
-    u, by, moment, moment_by = (np.ascontiguousarray(x[0]) for x in motor[:4])
-    return u, by, moment, moment_by, bool(moment.any())
 
 
 @compiled
@@ -62,48 +60,84 @@ def _advance(
     by: Array,
     moment: Array,
     moment_by: Array,
-    varies: bool,
     dt: Array,
     may_halve: bool,
 ) -> Array:
-    """Advance some rows of states and derivatives T (K, s, D) by a substep, in place.
+    """Advance some rows of states and derivatives T (K, s, D) by one piece or by halves, in place.
 
-    Those too long near rest stay as they are, if they may be halved: their numbers, of the k.
+    Of S = 2, 4, ... pieces halves are substeps, halved in their turn where they are too long near
+    rest. One piece that is too long stays, if it may be halved: the numbers, of the k, of these.
 
     joint (F,), each (F, r) : of combinations, see `FreeTheta`; r = 0 where entries are free
-    rows : (k,) of them; u (k, n), by (E, k, n), moment, moment_by: see `MotorTorque`
-    varies : whether a moment counts; dt (k,) [s]
+    rows : (k,) of them; u (S, k, n), by (S, E, k, n), moment, moment_by: see `MotorTorque`
+    dt : (k,) [s] of a piece
     """
-    machine, at, n = tangent.machine, tangent.machine.at, u.shape[1]
+    machine, at, (S, E, _, n) = tangent.machine, tangent.machine.at, by.shape
     row, before = np.zeros(tangent.size), np.zeros(machine.head)
     spare, size = np.zeros(T.shape[1:]), T.shape[1]
     count, total = size * (size + tangent.theta + tangent.base + n), np.zeros(each.shape[1])
     counts = size, tangent.theta, tangent.runs, tangent.terms
-    combined = np.zeros(size * (T.shape[2] - by.shape[0] + n))
+    combined = np.zeros(size * (T.shape[2] - E + n))
+    torque, torque_by = np.zeros((2, n)), np.zeros((2, E, n))
     again = np.zeros(len(rows), np.bool_)
     for i in range(len(rows)):
-        k = rows[i]
-        copy(numbers[k], row, machine.head)
-        row[at.dt] = dt[i]
-        for j in range(n):
-            row[at.u + j] = u[i, j]
-        if not may_halve:
-            begin_substep(machine, row)
-            substep(machine, row)
-        elif not in_one(machine, row, before):
-            again[i] = True
-            continue
-        crosses = row[at.crosses] != 0.0
-        run_at(tangent.differentiate_crossing if crosses else tangent.differentiate, row)
-        change = row[tangent.change : tangent.change + count]
-        if len(total):
-            _combined_change(counts, joint, each, change, combined, total)
-            change = combined
-        _change(change, T[k], by[:, i], spare)
-        if varies:
-            _displace(tangent, row, T[k], moment[i], moment_by[:, i])
-        copy(row, numbers[k], machine.head)
+        k, done, length = rows[i], 0, max(S // 2, 1)
+        while done < S:
+            varies = _merge(u, moment, i, done, length, dt[i], torque)
+            for e in range(E):
+                each_by = torque_by[:, e]
+                varies |= _merge(by[:, e], moment_by[:, e], i, done, length, dt[i], each_by)
+            copy(numbers[k], row, machine.head)
+            row[at.dt] = length * dt[i]
+            for j in range(n):
+                row[at.u + j] = torque[0, j]
+            if not may_halve and length == 1:
+                begin_substep(machine, row)
+                substep(machine, row)
+            elif not in_one(machine, row, before):
+                if S == 1:
+                    again[i] = True
+                    break
+                length //= 2
+                continue
+            crosses = row[at.crosses] != 0.0
+            run_at(tangent.differentiate_crossing if crosses else tangent.differentiate, row)
+            change = row[tangent.change : tangent.change + count]
+            if len(total):
+                _combined_change(counts, joint, each, change, combined, total)
+                change = combined
+            _change(change, T[k], torque_by[0], spare)
+            if varies:
+                _displace(tangent, row, T[k], torque[1], torque_by[1])
+            copy(row, numbers[k], machine.head)
+            done += length
+            while 2 * length < S and done % (2 * length) == 0:
+                length *= 2
     return np.flatnonzero(again)
+
+
+@called
+def _merge(
+    u: Array, moment: Array, i: int, first: int, count: int, dt: float, out: Array
+) -> bool:
+    """Set torque and moment out (2, n) of pieces (S, k, n) of dt [s] as of one; true if it varies.
+
+    See `MotorTorque.as_one`.
+    """
+    varies = False
+    for j in range(u.shape[2]):
+        mean = 0.0
+        for s in range(first, first + count):
+            mean += u[s, i, j] / count
+        about = 0.0
+        for s in range(first, first + count):
+            ahead = (first + count - s - 0.5) * dt * dt
+            about += moment[s, i, j]
+            if count > 1:
+                about += ahead * (u[s, i, j] - mean)
+        out[0, j], out[1, j] = mean, about
+        varies |= about != 0.0
+    return varies
 
 
 @called

@@ -4,6 +4,7 @@ The motion is that of `step.substep`, nothing else; the derivatives follow the v
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from .tangent import (
     MemoryRates,
     MotionModel,
     MotorTorque,
+    advance_in_halves,
     advance_in_pieces,
     advanced,
     at_break_away,
@@ -87,7 +89,7 @@ def _on_arrays(
                 whole[at] = part
         return again
 
-    advance_in_pieces(advance, motor, dt, parts)
+    advance_in_pieces(advance, partial(advance_in_halves, advance), motor, dt, parts)
     return state, T
 
 

@@ -106,33 +106,34 @@ class MotorTorque(NamedTuple):
 
 
 Advance = Callable[[Array, MotorTorque, Array, bool], Array]
+InHalves = Callable[[Array, MotorTorque, Array], None]
 
 
-def advance_in_pieces(advance: Advance, motor: MotorTorque, dt: Array, parts: int) -> None:
+def advance_in_pieces(
+    advance: Advance, in_halves: InHalves, motor: MotorTorque, dt: Array, parts: int
+) -> None:
     """Advance intervals of length dt (K,) piece by piece, each halved where it is too long.
 
     advance : makes a substep of some rows under a torque of one piece, of lengths (k,) [s], and
         gives those of them, by their number, that are too long; none of which may not be halved
+    in_halves : advances rows by all pieces of a torque, halves of them at once where they are even
     parts : of a piece, at most, a power of two
     """
     every, part = np.arange(len(dt)), dt / len(motor.u)
     for piece in range(len(motor.u)):
         again = advance(every, motor.in_parts(every, piece, 1), part, parts > 1)
         if len(again):
-            finer = motor.in_parts(again, piece, parts)
-            _advance_in_halves(advance, again, finer, part[again] / parts)
+            in_halves(again, motor.in_parts(again, piece, parts), part[again] / parts)
 
 
-def _advance_in_halves(advance: Advance, rows: Array, motor: MotorTorque, part: Array) -> None:
+def advance_in_halves(advance: Advance, rows: Array, motor: MotorTorque, part: Array) -> None:
     """Advance rows (k,) by the pieces of their torque, each part (k,) [s] long, in two halves."""
-    parts = len(motor.u)
-    half, every = parts // 2, np.arange(len(rows))
+    half, every = len(motor.u) // 2, np.arange(len(rows))
     for first in (0, half):
         torque = motor.part(every, slice(first, first + half))
         again = advance(rows, torque.as_one(part), half * part, half > 1)
         if len(again):
-            finer = torque.part(again, slice(half))
-            _advance_in_halves(advance, rows[again], finer, part[again])
+            advance_in_halves(advance, rows[again], torque.part(again, slice(half)), part[again])
 
 
 # --- A substep ------------------------------------------------------------------------------------
