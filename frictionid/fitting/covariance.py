@@ -144,12 +144,14 @@ def _by_priors(H: Array, precision: Array, tolerance: Array, keep: Array) -> Arr
 def _at_limit(covariance: Covariance, k: int, friction: Friction) -> bool:
     """Whether a parameter of friction ends at a bound that is not its law's own.
 
-    Such a bound says what the data resolve, or was given: beyond it the fit would be better.
+    Such a bound says what the data resolve, or was given: beyond it the fit would be better. Unless
+    the parameter does nothing, as the velocity of a peak that is held at zero.
     """
-    p = covariance.parameters[k]
-    return (
-        p.block == "friction" and float(covariance.values[k]) not in friction.law.bounds[p.place[1]]
-    )
+    parameters, p = covariance.parameters, covariance.parameters[k]
+    if p.block != "friction" or covariance.values[k] in friction.law.bounds[p.place[1]]:
+        return False
+    ends = [i for i in np.flatnonzero(covariance.bound) if _same_joint(parameters[i], p)]
+    return len(ends) > 1 or _shows(friction, parameters, k, [])
 
 
 def _same_joint(a: Parameter, b: Parameter) -> bool:

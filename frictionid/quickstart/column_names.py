@@ -90,13 +90,13 @@ def is_target(name: str) -> bool:
 def unit_of(name: str, quantity: str) -> str:
     """Unit of a quantity that stands in brackets in the name, or at its end; "" where none does.
 
-    >>> unit_of("angle [Deg]", "angle"), unit_of("t_ms", "time"), unit_of("tau_Nm", "torque")
+    >>> unit_of("angle [Deg]", "angle"), unit_of("t/ms", "time"), unit_of("tau_Nm", "torque")
     ('deg', 'ms', 'N m')
     """
     spellings = {unit: unit for unit in UNITS[quantity]} | SPELLINGS[quantity]
     folded = {said.replace(" ", "").lower(): unit for said, unit in spellings.items()}
     bracket = re.search(r"[\[(]([^\])]*)[\])]", name)
-    last = bracket[1] if bracket else re.split(r"[_\s.]", name)[-1]
+    last = bracket[1] if bracket else re.split(r"[_\s./]", name)[-1]
     return folded.get(last.replace(" ", "").lower(), "") if last != name else ""
 
 

@@ -18,6 +18,7 @@ from frictionid.data.readers.dataset_path import BAGS, TABLES, is_table
 from frictionid.data.readers.formats import ros
 from frictionid.data.readers.table import Table, numeric_table, with_times
 from frictionid.data.recordings import Dataset
+from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import mechanism_of
@@ -262,8 +263,13 @@ def _corrected(draft: Draft, verdict: Verdict, *, blind: bool) -> Draft:
     if late and draft.velocity:
         said = tuple(f"velocities are left out: {text}" for text in late)
         draft = replace(draft, velocity=(), evidence=(*draft.evidence, *said))
+    if blind:
+        return draft
+    if draft.guesses.hold == TORQUE_HOLD and _is_sampled(verdict):
+        evidence = (*draft.evidence, "torques are a sensor's samples, not held between them")
+        draft = replace(draft, guesses=replace(draft.guesses, hold="linear"), evidence=evidence)
     fitting = [s for s in verdict.conventions if s.convention.kind in kinds]
-    if not fitting or blind:
+    if not fitting:
         return draft
     best = min(fitting, key=lambda s: s.score).convention
     guesses, motor = _with_convention(draft.guesses, best), _with_gears(draft, best)
@@ -276,6 +282,19 @@ def _corrected(draft: Draft, verdict: Verdict, *, blind: bool) -> Draft:
     return replace(
         draft, guesses=guesses or draft.guesses, motor=motor or draft.motor, evidence=evidence
     )
+
+
+def _is_sampled(verdict: Verdict) -> bool:
+    """Whether torques that are read as held are samples of one that is not.
+
+    A held torque acts half a sample late. So does none that the motion shows to act as it is read.
+    """
+    measured = bool(verdict.torque) and all(t.source == "measured" for t in verdict.torque)
+    if verdict.delay is None:
+        return measured
+    low, high = verdict.delay.interval
+    early = low <= -0.5 / verdict.clock.rate <= high
+    return early or measured and not low <= 0.0 <= high
 
 
 def _with_gears(draft: Draft, best: Convention) -> dict[str, Any] | None:

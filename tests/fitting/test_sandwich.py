@@ -8,7 +8,7 @@ from scipy.special import stdtrit
 
 from frictionid.data.calibration import Calibration
 from frictionid.fitting import sandwich as module
-from frictionid.fitting.covariance import meaningless
+from frictionid.fitting.covariance import grouped_covariance, meaningless
 from frictionid.fitting.parameters import Estimate, FrictionBlock
 from frictionid.fitting.sandwich import (
     Groups,
@@ -194,3 +194,17 @@ def test_a_peak_that_is_not_there_leaves_no_velocity():
     known = dict(zip(names, covariance.identified, strict=True))
     assert known["coulomb"] and known["viscous"]
     assert not known["peak"] and not known["stribeck_velocity"]
+
+
+@pytest.mark.parametrize("peak", [0.0, 0.03])
+def test_a_velocity_at_its_bound_costs_a_joint_its_intervals_unless_its_peak_is_zero(peak):
+    """Also where the peak is held there, and no parameter."""
+    friction = Friction(Stribeck(), np.array([[0.1, peak, 1.5, 0.01]]))
+    entries = entries_of(friction)
+    coulomb, velocity, viscous = (entries[k] for k in (0, 2, 3))
+    parameters = (coulomb, velocity._replace(high=1.5), viscous)
+    groups = solved(np.random.default_rng(0), 0.0)._replace(free=np.array([True, False, True]))
+    values = np.array([0.1, 1.5, 0.01])
+    found = grouped_covariance(parameters, values, friction, groups)
+    assert np.isfinite(found.error[[0, 2]]).all() == (peak == 0.0)
+    assert not found.identified[1]

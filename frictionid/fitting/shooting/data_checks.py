@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
-from frictionid.arrays import MAD, Array, rows_by
+from frictionid.arrays import MAD, Array, rows_by, usual_step
 from frictionid.data.recordings import Dataset
+from frictionid.data.signals import holds
 from frictionid.errors import InputError
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import OddRecording
@@ -235,9 +236,13 @@ def _clocks(solution: Solution) -> Iterator[str]:
                 "further apart, or the logs do not belong together."
             )
         if delay < -_EARLY:
+            torques = [r.torque for r in solution.problem.intervals.dataset.recordings]
+            held = any(holds(t) and -delay < usual_step(t.time) for t in torques)
+            samples = 'it is no held one (torque = "linear" under [hold]), ' if held else ""
             yield (
-                f"The torque seems to act {-1e3 * delay:.1f} ms before it was logged: its clock is "
-                "late, or friction sets in later than the law says, as behind a gap (law 'play')."
+                f"The torque seems to act {-1e3 * delay:.1f} ms before it was logged: {samples}"
+                "its clock is late, or friction sets in later than the law says, as behind a gap "
+                "(law 'play')."
             )
 
 
