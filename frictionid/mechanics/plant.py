@@ -96,9 +96,8 @@ class Plant:
 
     def load(self, q: Array, w: Array, u: Array) -> Array:
         """Bearing force, or torque of a gear, in friction-free motion, shape (..., n) [N, N m]."""
-        motion = base_motion_of(self.p, len(self.mechanism.base_names))
-        moving = () if motion is None else (motion,)
-        return self.mechanism.load(self.parameters, q, w, u, *moving)
+        base = (self.p,) if self.mechanism.loads_of_gears else ()
+        return self.mechanism.load(self.parameters, q, w, u, *base)
 
 
 # Weights of start, midpoint and end of an interval.

@@ -1,5 +1,7 @@
 """The load of a gear is what friction leaves of the motor torque: in fits, predictions, truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fixtures.random_robots import mechanism as robot
@@ -14,7 +16,7 @@ from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.fitting.torque_balance import InverseDynamics
 from frictionid.friction import Friction
 from frictionid.friction.laws import LoadDependent
-from frictionid.mechanics import Plant
+from frictionid.mechanics import Plant, mechanism_of
 from frictionid.simulate import Camera, Controller, Curve, Drive, Fourier, Rig, Run, simulate
 from frictionid.simulate.true_friction import LoadFriction
 
@@ -76,8 +78,12 @@ def moved(tmp_path_factory):
     ],
     ids=["shooting", "inverse dynamics"],
 )
-def test_truth_in_truth_out_by_both_methods(moved, method):
-    fit = fit_model(moved, LeastSquares(LoadDependent()), method)
+def test_truth_in_truth_out_by_both_methods(moved, method, tmp_path):
+    """The described arm lacks what it carries: loads are those of the identified one."""
+    (tmp_path / "arm.urdf").write_text(ARM.replace('mass value="2"', 'mass value="1.4"'))
+    table = {"urdf": str(tmp_path / "arm.urdf"), "parameters": {"rotor_shoulder": 0.1}}
+    described = replace(moved, mechanism=mechanism_of(table))
+    fit = fit_model(described, LeastSquares(LoadDependent()), method)
     np.testing.assert_allclose(fit.theta[0], [COULOMB, LOAD, VISCOUS], rtol=0.02)
     base = moved.mechanism.base({})
     np.testing.assert_allclose(fit.calibration.base, base, atol=0.005 * np.abs(base).max())

@@ -214,12 +214,13 @@ class Row:
         out = {"M": M, "f": h + u * self.mechanism.motors}
         if self.law.uses_load:
             physical = {k: x.physical[i] for i, k in enumerate(self.mechanism.defaults)}
+            base = (x.p,) if self.mechanism.loads_of_gears else ()
             out["load"] = predicted_load(
                 self.mechanism,
                 self.law,
                 x.theta.reshape(len(x.slow), -1),
                 Inputs(x.at_q, x.at_w, u, 0.0 * u),
-                lambda u: self.mechanism.load(physical, x.at_q, x.at_w, u),
+                lambda u: self.mechanism.load(physical, x.at_q, x.at_w, u, *base),
             )
         return out
 

@@ -11,7 +11,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.dynamics.tangent.law_derivatives import reads_of
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction, Inputs, Law, along, constraints_of
-from frictionid.friction.coordinates import with_units_of
+from frictionid.friction.coordinates import is_coupled_by_load, with_units_of
 from frictionid.friction.laws import NoFriction
 from frictionid.friction.provenance import Diagnostics, Dropped
 
@@ -130,8 +130,12 @@ def _best(
     """
     estimate, ended = _nominal(balance), []
     problem = TorqueProblem(balance, (), estimate, settings)
-    for _ in range(_STARTS):
+    for start in range(_STARTS):
         friction = _friction(identifier, balance, estimate, seed)
+        if start and is_coupled_by_load(estimate.mechanism, friction.law):
+            balance = balance.with_loads(np.asarray(estimate.calibration.base))
+            problem = replace(problem, balance=balance)
+            friction = _friction(identifier, balance, estimate, seed)
         estimate = _with(estimate, friction, balance)
         solution = solve(_problem(problem, on_support(blocks, friction), estimate))
         estimate = solution.estimate

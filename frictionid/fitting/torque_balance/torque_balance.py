@@ -144,6 +144,19 @@ class TorqueBalance:
         slowest = _slowest(self, self.slides & use[:, None])
         return replace(self, use=use, slowest=slowest, wrench=wrench)
 
+    def with_loads(self, base: Array) -> "TorqueBalance":
+        """The balance with the loads of gears by base parameters (nb,)."""
+        dataset, inputs, first = self.dataset, self.nodes.inputs, self.nodes.first
+        plant, n, parts = plant_of(dataset), dataset.mechanism.n, []
+        plant = replace(plant, p=base + plant.p - dataset.mechanism.nominal_base)
+        for i, rows in enumerate(map(slice, first[:-1], first[1:])):
+            q, w, u = (x[rows, :n] for x in (inputs.q, inputs.w, inputs.u))
+            time = self.nodes.time[rows]
+            machine = on_recorded_base(plant[i], dataset.recordings[i], time)
+            temperature = dataset.recordings[i].temperature_at(time, dataset.mechanism.joints)
+            parts.append(recorded_inputs(machine, time, q, w, u, temperature))
+        return replace(self, nodes=self.nodes._replace(inputs=joined(parts)))
+
     def where(self, keep: Array) -> "TorqueBalance":
         """The balance of some of the windows, (K,)."""
         names = "stencil", "regressor", "base", "recording", "start", "stop", "slides", "use"

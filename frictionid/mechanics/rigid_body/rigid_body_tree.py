@@ -125,20 +125,21 @@ class RigidBodyTree(Mechanism):
         q: Array,
         w: Array,
         u: Array,
-        base_motion: Array | None = None,
+        p: Array | None = None,
     ) -> Array:
         """Torque that each joint's gear passes on in friction-free motion, shape (..., n) [N m].
 
         |B u - rotor dw/dt|: what the motor gives and its rotor does not take. That is the torque of
         the rigid bodies beyond the gear, on which the friction of geared joints depends.
+
+        p : base parameters, where others hold than those of the physical ones
         """
-        p = with_base_motion(self.base(parameters), base_motion)
+        p = self.base(parameters) if p is None else p
         M, h = self.dynamics(p, q, w)
-        force = self.motors * u
-        rotors, R = (
-            _stacked({**self.defaults, **parameters}, self.tree.rotor_names),
-            self.tree.rotors,
-        )
+        force, base = self.motors * u, self.base_names
+        shown = {x: p[..., base.index(x)] for x in self.tree.rotor_names if x in base}
+        rotors = _stacked({**self.defaults, **parameters, **shown}, self.tree.rotor_names)
+        R = self.tree.rotors
         return np.abs(force - ((solve(M, h + force) @ R.T) * rotors) @ R)
 
     def with_parameters(self, values: Mapping[str, float]) -> tuple[Tree, Array]:
