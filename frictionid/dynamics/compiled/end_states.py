@@ -117,9 +117,7 @@ def _advance(
 
 
 @called
-def _merge(
-    u: Array, moment: Array, i: int, first: int, count: int, dt: float, out: Array
-) -> bool:
+def _merge(u: Array, moment: Array, i: int, first: int, count: int, dt: float, out: Array) -> bool:
     """Set torque and moment out (2, n) of pieces (S, k, n) of dt [s] as of one; true if it varies.
 
     See `MotorTorque.as_one`.
