@@ -128,16 +128,18 @@ def calibrated_dataset(dataset: Dataset, calibration: Calibration) -> Dataset:
 
 def with_calibrated_servos(dataset: Dataset, calibration: Calibration) -> Dataset:
     """The data set with torques of servos whose motors, targets and backlash are calibrated."""
+    recordings = tuple(with_calibrated_servo(r, calibration) for r in dataset.recordings)
+    return replace(dataset, recordings=recordings)
 
-    def recalibrated(recording: Recording) -> Recording:
-        if recording.servo is None:
-            return recording
-        servo = calibrated_servo(recording.servo, calibration)
-        if servo is recording.servo:
-            return recording
-        return replace(recording, servo=servo, torque=servo_torque(servo, recording.angle))
 
-    return replace(dataset, recordings=tuple(map(recalibrated, dataset.recordings)))
+def with_calibrated_servo(recording: Recording, calibration: Calibration | None) -> Recording:
+    """The recording with torques of a calibrated servo."""
+    if recording.servo is None or calibration is None:
+        return recording
+    servo = calibrated_servo(recording.servo, calibration)
+    if servo is recording.servo:
+        return recording
+    return replace(recording, servo=servo, torque=servo_torque(servo, recording.angle))
 
 
 def _calibrated(recording: Recording, calibration: Calibration, driven: Array) -> Recording:

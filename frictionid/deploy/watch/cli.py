@@ -52,9 +52,13 @@ def watch(
 
     if code is None and (follow is None) == (not port):
         raise InputError("watch: name one of --follow FILE and --port NAME, or --code FILE")
-    machine = watch_of(
-        friction_in(load_model(model)), load_dataset(dataset, data, trust=trust), response, rate
-    )
+    loaded = load_dataset(dataset, data, trust=trust)
+    if code is None and loaded.servos:
+        raise InputError(
+            f"watch: {dataset}: torques by [actuator] need a whole recording: stream a column of "
+            "torques, or record first and call frictionid.external_torque"
+        )
+    machine = watch_of(friction_in(load_model(model)), loaded, response, rate)
     if code is not None:
         for path in write_code(machine, code, [model], replace=replace):
             print(f"written to {path}")

@@ -14,7 +14,7 @@ from frictionid.api.fit import fit as fit_again
 from frictionid.api.fitted import Fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.arrays import MAD, Array
-from frictionid.data.calibration import calibrated_plant
+from frictionid.data.calibration import calibrated_plant, with_calibrated_servo
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.readers.dataset import within
@@ -171,6 +171,7 @@ def interval_torques(torque: Signal, time: Array) -> Array:
 def observed(momentum_observer: MomentumObserver, recording: Recording) -> Iterator[Observed]:
     """What the observer says of a recording, some samples at a time."""
     time, angle = recording.angle.time, np.asarray(recording.angle.value, dtype=float)
+    recording = with_calibrated_servo(recording, momentum_observer.friction.calibration)
     torque = interval_torques(recording.torque, time)
     state = momentum_observer.start(float(time[0]), angle[0], torque[0])
     for a in range(1, len(time), _BLOCK):
