@@ -132,7 +132,7 @@ def fit_model(
         **friction.provenance.notes,
     }
     if identifier.uses_mechanism:
-        late = (AS_LOGGED,) * (fit.diagnostics is None and _as_logged(dataset))
+        late = (AS_LOGGED,) * (fit.diagnostics is None and as_logged(dataset))
         notes["torque"] = (*source_sentences(torque_sources(dataset)), *late)
         envelopes = tuple(torque_speeds(dataset, prepared.smoothed))
         limits = limit_findings(dataset, prepared.smoothed, envelopes)
@@ -157,7 +157,7 @@ def _torque_left(friction: Friction, prepared: Prepared) -> Iterable[tuple[Any, 
     return map(tuple, torque_left(friction, thinned))
 
 
-def _as_logged(dataset: Dataset) -> bool:
+def as_logged(dataset: Dataset) -> bool:
     """Whether a servo's held targets are taken to act when they are logged."""
     return any(holds(s.goal) and s.target_delay == 0 for s in dataset.servos)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of, identifier_of
+from frictionid.comparison.fit_model import as_logged
 from frictionid.comparison.usual_method import usual_method
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
@@ -48,8 +49,8 @@ def baseline(
     out : str or Path, optional
         JSON file to write.
     law : as of `frictionid.fit`
-        Fitted to all recordings, of arms by inverse dynamics, whose rotors files lack, else in one
-        step; changes are measured against it.
+        Fitted to all recordings, of arms by inverse dynamics, whose rotors files lack, of servos
+        whose targets may be late by shooting, else in one step; changes are measured against it.
     model : Fit, Friction or path of a model file, optional
         In place of that fit, with its calibration.
     only : list of str
@@ -69,7 +70,8 @@ def baseline(
     (dataset,) = chosen_recordings([dataset_of(data)], only)
     if model is None:
         is_arm = usual_method(dataset, identifier_of(law)) == "inverse_dynamics"
-        friction = fit(dataset, law, method=None if is_arm else "one_step").friction
+        method = None if is_arm or as_logged(dataset) else "one_step"
+        friction = fit(dataset, law, method=method).friction
     else:
         friction = friction_of(model)
     if friction.theta.ndim != 2 or friction.mechanism or not friction.law.names:

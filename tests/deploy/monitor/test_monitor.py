@@ -9,7 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drive_logs import ServoPendulum
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.servo_logs import by_controller
 from fixtures.seven_joints import MASS, urdf_text
 
 import frictionid as fid
@@ -318,6 +320,19 @@ def test_what_joints_cannot_tell_is_said(known, first):
     said = fid.monitor(known, changed(some(first, COUNT, COUNT + 5), braked)).judgement
     assert 0 not in said.joints
     assert any(note.startswith("joint 1: changes smaller") for note in said.notes)
+
+
+def test_servos_whose_targets_are_late_have_the_same_friction_under_other_gains():
+    rig = ServoPendulum()
+
+    def data(P, D, seeds):
+        logs = {f"{P} {seed}": rig.log(P, D, seed, seconds=4.0) for seed in seeds}
+        return by_controller(rig, logs, P=P, D=D)
+
+    usual = fid.baseline(data(4.0, 0.05, range(4)), law="coulomb_viscous")
+    found = usual.reference.friction.calibration.target_delay
+    assert found == pytest.approx(rig.delay, abs=1e-3)
+    assert fid.monitor(usual, data(10.0, 0.15, range(5, 8))).answer == "unchanged"
 
 
 def test_a_reference_without_friction_is_refused(healthy):
