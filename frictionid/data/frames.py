@@ -192,9 +192,10 @@ def _numbers(values: Any, name: str, where: str) -> Array:
         if cell is None or (cell != cell) is not False and not isinstance(cell, str | Number):
             out[row] = np.nan  # None, and what pandas has for a missing cell
         elif isinstance(cell, str) or not np.isrealobj(cell) or not isinstance(cell, Number):
+            way = 'with decimal=","' if "," in str(cell) else "e.g. by astype(float)"
             raise InputError(
                 f"{where}, row {row}: column {name!r} holds {str(cell)[:40]!r}, which is no "
-                "number; convert the column, e.g. by astype(float)"
+                f"number; convert the column, {way}"
             )
         else:
             out[row] = float(cell)  # type: ignore[arg-type]

@@ -155,6 +155,7 @@ TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
             {},
             "row 0: column 'q1' holds 'fast', .* convert the column",
         ),
+        (FRAME.assign(q1="0,5"), {}, "holds '0,5', .* with decimal=\",\""),
         (FRAME.iloc[::-1], {}, "row 1: time must increase: 't' is 11950 after 12000"),
         (
             FRAME,
