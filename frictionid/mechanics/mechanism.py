@@ -340,9 +340,9 @@ class Mechanism(ABC):
         """Raise InputError, with the nearest name, where this is no parameter's."""
         names = [parameter.name for parameter in self.parameters]
         if name not in names:
-            raise InputError(
-                f"[mechanism] {self.kind} has no parameter {name!r}; {nearest(name, names)}"
-            )
+            motor = self.kind == "pendulum" and name in ("kt", "R")
+            way = "motor = true in [mechanism] adds it" if motor else nearest(name, names)
+            raise InputError(f"[mechanism] {self.kind} has no parameter {name!r}; {way}")
 
     def _check_complete(self, values_given: Mapping[str, float]) -> None:
         missing = [

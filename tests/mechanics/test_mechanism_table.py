@@ -51,6 +51,7 @@ kind = "pendulum"; driven = "yes" => driven: it should be a valid boolean, not '
 kind = "acrobot"; parameters = 3 => parameters = 3 must be a table: name = number
 kind = "pendulum"; parameters = {lenght = 1.0}
     => pendulum has no parameter 'lenght'; did you mean 'length'
+kind = "pendulum"; parameters = {kt = 1.0} => no parameter 'kt'; motor = true in \[mechanism\]
 kind = "pendulum"; parameters = {mass = "1"} => mass = '1' must be a finite number
 kind = "pendulum"; parameters = {mass = true} => mass = True must be a finite num
 kind = "pendulum"; parameters = {mass = nan} => mass = nan must be a finite num
