@@ -30,6 +30,10 @@ from .draft_text import Draft, dataset_text, suite_text
 
 Constants = float | Sequence[float]  # one, or one per joint
 GAINS = "gains of the controller (--gains P,D [N m/rad], [N m s/rad]): without them nothing holds"
+OUTPUT = (
+    "output of the controller (output in [actuator]), taken as a torque at the joint: only other "
+    "outputs need --kt and --gear, which are left out (kt, gear in [actuator])"
+)
 
 
 @dataclass(frozen=True)
@@ -209,13 +213,15 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
     name, machine = tables.folder.resolve().name, mechanism_of(mechanism)
     targets = targets_in(tables.first, facts, machine.n)
     guesses = replace(guesses, unused=tuple(n for n in guesses.unused if n not in targets))
-    missing = (GAINS,) if targets and facts.gains is None else ()
+    missing: tuple[str, ...] = (GAINS,) if targets and facts.gains is None else ()
+    if targets and (facts.kt, facts.gear) != (None, None):
+        missing += (OUTPUT,)
     draft = Draft(
         *(name, tables.files, mechanism, guesses, machine, motor, missing_lines(missing)),
         comments=comments,
         actuator=actuator_of(targets, facts.gains),
     )
-    return described_draft(draft, tables, missing, blind=bool(missing))
+    return described_draft(draft, tables, missing, blind=GAINS in missing)
 
 
 def missing_lines(missing: Sequence[str]) -> tuple[str, ...]:

@@ -295,14 +295,15 @@ def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     (tmp_path / "servo").mkdir()
     frame = pd.DataFrame({"t": TIME, "goal": Q, "pos": 0.9 * Q})
     frame.to_csv(tmp_path / "servo" / "run.csv", index=False)
-    code, out, _ = call(f"init servo {INIT} --gains 4,0.05")
+    code, out, _ = call(f"init servo {INIT} --gains 4,0.05 {MOTOR}")
+    assert "# MISSING: output of the controller" in out and "missing: output of" in out
     document = written(tmp_path / "servo")
     assert code == 0 and "torque" not in document["columns"] and "not used" not in out
     assert document["actuator"] == {"target": "goal", "output": "torque", "P": 4.0, "D": 0.05}
     (tmp_path / "servo" / "dataset.toml").unlink()
     (tmp_path / "servo" / "suite.toml").unlink()
     out = call(f"init servo {INIT}")[1]
-    assert "missing: gains of the controller" in out
+    assert "missing: gains of the controller" in out and "output of" not in out
     assert "next: write the gains into dataset.toml, then frictionid quick" in out
 
 
