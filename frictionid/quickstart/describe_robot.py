@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import compress
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ from .column_guesses import LEFT_OVER, ColumnGuesses, guess_columns
 from .column_names import names_of, quantity_of, words
 from .describe_tables import (
     GAINS,
+    OUTPUT,
     Described,
     Known,
     Tables,
@@ -98,14 +100,14 @@ def describe_robot(
     table["parameters"] = {**values, **stand_in}
     machine = machine.with_values(table["parameters"])
     guesses = _guesses(tables, machine, columns, facts)
-    motor = _motor(columns, guesses, facts)
-    filled = _with_gains_of(facts, columns.joints)
+    filled = _with_file(facts, columns.joints)
+    motor = _motor(columns, guesses, filled)
     actuator = actuator_of(columns.target, filled.gains, _efforts(columns.joints))
     missing = tuple(_missing(machine, motor, actuator, filled))
     if not (columns.torque or actuator) and {*map(quantity_of, guesses.unused)} - {"velocity"}:
         missing += (_TORQUE,)
     missing += (_IMU,) if columns.imu else ()
-    comments = _comments(file, columns, machine, facts, filled.gains, still)
+    comments = _comments(file, columns, machine, facts, filled, still)
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
     name = tables.folder.resolve().name
     draft = Draft(
@@ -120,12 +122,13 @@ def describe_robot(
             pairs = zip(columns.joints, columns.torque, strict=True)
             why = _NO_LOAD.format(", ".join(name for joint, name in pairs if joint.name in none))
             locked = {**still, **dict.fromkeys(none, why)}
-            return describe_robot(tables, file, options, facts, locked)
+            kept = _of_joints(facts, [gain is not None for gain in gains.values()])
+            return describe_robot(tables, file, options, kept, locked)
         if not none:
             head = _CONSTANTS if _KT in factor else _GEARS
             said = head + _taken(gains)
             missing = tuple(said if text in factor else text for text in missing)
-            motor = _with_gains(draft.motor, gains, "gear" if facts.gear is None else "kt")
+            motor = _with_gains(draft.motor, gains, "gear" if filled.gear is None else "kt")
             draft = replace(draft, motor=motor, evidence=missing_lines(missing))
     blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
     described = described_draft(draft, tables, missing, blind=blind)
@@ -150,11 +153,12 @@ def _comments(
     columns: RobotColumns,
     machine: Mechanism,
     facts: Known,
-    gains: Any,
+    filled: Known,
     still: Mapping[str, str],
 ) -> dict[str, str]:
-    """Comments of keys of the dataset.toml, see `Draft`."""
+    """Comments of keys of the dataset.toml, see `Draft`; filled : the facts with the file's."""
     of_file = "" if facts.gains else "of the file"
+    turns = "turns of the motor for one of its joint"
     locked = "; ".join(dict.fromkeys(filter(None, (columns.silent, *still.values()))))
     return {
         file.format: "meshes are not looked at",
@@ -164,9 +168,9 @@ def _comments(
         "driven": "no torques, no targets",
         "": "\n".join(_limits(columns.joints)),
         **{p.name: "; of the file" if p.default else "; not in it" for p in machine.parameters},
-        "motor.gear": "turns of the motor for one of its joint",
-        **{f"motor.{key}": _MISSING for key in ("kt", "gear") if getattr(facts, key) is None},
-        **dict.fromkeys(("actuator.P", "actuator.D"), of_file if gains else _MISSING),
+        "motor.gear": turns if filled.gear is facts.gear else f"{turns}, of the file",
+        **{f"motor.{key}": _MISSING for key in ("kt", "gear") if getattr(filled, key) is None},
+        **dict.fromkeys(("actuator.P", "actuator.D"), of_file if filled.gains else _MISSING),
     }
 
 
@@ -251,14 +255,17 @@ def _missing(
     machine: Mechanism, motor: Mapping[str, Any], actuator: Mapping[str, Any], facts: Known
 ) -> Iterator[str]:
     """What nobody has said, and what happens without it."""
-    if facts.gear is None and (motor.get("angle") or motor.get("torque")):
+    amperes = "kt" in motor and facts.kt is None
+    if facts.gear is None and motor and (not amperes or "angle" in motor):
         yield _GEAR
-    if "kt" in motor and facts.kt is None:
+    if amperes:
         yield _KT
     if "offset" in motor:
         yield _OFFSET
     if actuator and facts.gains is None:
         yield GAINS
+    if actuator and facts.kt is not None:
+        yield OUTPUT
     if not any(machine.defaults[p.name] > 0 for p in machine.parameters if p.rotor):
         yield _ROTOR
 
@@ -269,8 +276,18 @@ def _efforts(joints: Sequence[Joint]) -> list[float]:
     return efforts if np.isfinite(efforts).all() else []
 
 
-def _with_gains_of(facts: Known, joints: Sequence[Joint]) -> Known:
-    """With P and D of the file where nobody said them, one number where all are the same."""
+def _of_joints(facts: Known, keep: Sequence[bool]) -> Known:
+    """With constants of some joints only, where each has its own."""
+    each = facts.kt, facts.gear
+    kt, gear = ([*compress(c, keep)] if isinstance(c, Sequence) else c for c in each)
+    return replace(facts, kt=kt, gear=gear)
+
+
+def _with_file(facts: Known, joints: Sequence[Joint]) -> Known:
+    """With gears, P and D of the file where nobody said them, one P where all are the same."""
+    gears = [joint.gear for joint in joints if joint.gear]
+    if facts.gear is None and len(gears) == len(joints) and {*gears} != {1.0}:  # often a stand-in
+        facts = replace(facts, gear=gears)
     each = [joint.gains for joint in joints if joint.gains]
     if facts.gains or len(each) < len(joints):
         return facts
@@ -295,6 +312,7 @@ _WINDOW, _CLUSTER = 0.05, 20  # [s], and windows
 _SURE = 0.1  # standard error of a gain, as a share of it
 _EXPLAINS = 0.8  # share of a joint's load, at least
 _FEWEST = 80  # windows of sliding
+_ALONE = 0.02  # share of a column that nothing else explains, at least
 
 
 class Gain(NamedTuple):
@@ -309,11 +327,14 @@ def gains_by_gravity(dataset: Dataset) -> dict[str, Gain | None]:
 
     Least squares, over windows in which the joint slides, of
 
-        what the rigid bodies need = gain column - coulomb sgn(w) - viscous w + offset
+        what the rigid bodies need = gain column - coulomb sgn(w) - viscous w + offset - rotor dw/dt
+
+    with the rotor's inertia where the mechanism has none: it would be taken for gain.
     """
     problem, n = prepare(dataset, Protocol()).integral, dataset.mechanism.n
     left, column = row_torques(problem, problem.r[:, :n], np.ones(len(problem.r), dtype=bool))
-    w = problem.nodes.inputs.w[problem.stencil[:, 1], :n]
+    start, w, end = (problem.nodes.inputs.w[at, :n] for at in problem.stencil.T)
+    speeding = (end - start) / problem.dt[:, None]
     rests = stiction_mask(problem, None, IN_TURN)[:, :n]
     number = np.floor(problem.time / _WINDOW + 1e-9)
     keys = np.stack([problem.recording, number], axis=1)
@@ -322,22 +343,25 @@ def gains_by_gravity(dataset: Dataset) -> dict[str, Gain | None]:
     out: dict[str, Gain | None] = {}
     for j, name in enumerate(dataset.mechanism.joints):
         u, v = column[:, j], w[:, j]
-        parts = np.stack([u, -np.sign(v), -v, rows, u - left[:, j], rests[:, j]], axis=1)
-        means = means_of(parts, place, rows)
-        A, need, slides = means[:, :4], means[:, 4], means[:, 5] == 0
-        out[name] = _gain(A[slides], need[slides])
+        free = [] if dataset.mechanism.defaults.get(f"rotor_{name}") else [-speeding[:, j]]
+        parts = [u - left[:, j], rests[:, j], u, -np.sign(v), -v, rows, *free]
+        need, rest, *A = means_of(np.stack(parts, axis=1), place, rows).T
+        slides = rest == 0
+        out[name] = _gain(np.stack(A, axis=1)[slides], need[slides])
     return out
 
 
 def _gain(A: Array, need: Array) -> Gain | None:
-    """Gain of the first column (W, 4) for what is needed (W,), errors clustered over time."""
+    """Gain of the first column (W, 4 or 5) for what is needed (W,), errors clustered over time."""
     if len(A) < _FEWEST:
         return None
     x, _, rank, _ = np.linalg.lstsq(A, need)
     left = need - A @ x
     if rank < A.shape[1] or left.var() > (1 - _EXPLAINS) * need.var():
         return None
-    scores = np.add.reduceat(A * left[:, None], np.arange(0, len(A), _CLUSTER))
     inverse = np.linalg.inv(A.T @ A)
+    if 1 / inverse[0, 0] < _ALONE * len(A) * A[:, 0].var():
+        return None
+    scores = np.add.reduceat(A * left[:, None], np.arange(0, len(A), _CLUSTER))
     error = float(np.sqrt((inverse @ scores.T @ scores @ inverse)[0, 0]))
     return Gain(float(x[0]), error) if error < _SURE * abs(x[0]) else None

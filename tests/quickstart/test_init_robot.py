@@ -207,11 +207,13 @@ def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exac
     document, out = call(named({"q_{}": q, "motor_torque_{} [N m]": u / factors}))
     assert document["motor"]["torque"] == "motor" and "taken as the masses of the file" in out
     np.testing.assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
+    document, _ = call(currents, known=())  # a rotor that nobody gave is not taken for gear
+    np.testing.assert_allclose(document["motor"]["gear"], factors[:2], rtol=0.03)
     noise = np.random.default_rng(0).normal(size=len(q))
-    document, out = call(
-        {**currents, "current_three [A]": noise}, known=(("one", 0.4), ("two", 0.3))
-    )
-    np.testing.assert_allclose(document["motor"]["gear"], factors[:2], rtol=0.1)
+    table, rotors = {**currents, "current_three [A]": noise}, (("one", 0.4), ("two", 0.3))
+    document, out = call(table, "--kt", "0.5,0.25,0.125", known=rotors)
+    assert document["motor"]["kt"] == [0.5, 0.25] and "missing: gear ratios (--gear" in out
+    np.testing.assert_allclose(document["motor"]["gear"], factors[:2] / [0.5, 0.25], rtol=0.1)
     assert document["mechanism"]["joints"] == ["one", "two"]
     assert "three" in document["mechanism"]["locked"]
     assert "in current_three [A] no load shows" in " ".join(out.replace("#", "").split())
@@ -219,6 +221,13 @@ def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exac
     document, out = call(currents, "--kt", "0.05", "--gear", "60")
     assert document["motor"] == {"kt": 0.05, "gear": 60.0} and "missing: torque" not in out
     same(call.folder, exact)
+
+
+def test_gears_are_those_of_the_files_transmissions(call, exact, tmp_path):
+    (tmp_path / "geared.urdf").write_text(wrist.geared((3, -2, 5)))
+    currents = named({"q_{}": exact[1], "current_{}": exact[2] / [3.0, -2.0, 5.0]})
+    document, out = call(currents, "--kt", "1", robot="geared.urdf")
+    assert document["motor"]["gear"] == [3.0, -2.0, 5.0] and "missing" not in out
 
 
 def test_several_signs_are_corrected_one_after_the_other(call, exact):

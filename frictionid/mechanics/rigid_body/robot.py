@@ -86,6 +86,7 @@ class Joint(NamedTuple):
     """A joint between two links; turn and shift place its frame, the child's, in the parent's.
 
     gains : P [N m/rad] and D [N m s/rad] of the file's position controller, where it has one
+    gear : turns of the motor for one of the joint, 0 where the file does not say them
     """
 
     name: str
@@ -99,6 +100,7 @@ class Joint(NamedTuple):
     rotor: float = 0.0
     limits: Limits = Limits()
     gains: tuple[float, float] | None = None
+    gear: float = 0.0
 
 
 class Robot(NamedTuple):

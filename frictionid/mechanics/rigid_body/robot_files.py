@@ -2,7 +2,8 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -51,9 +52,11 @@ def read_urdf(path: Path) -> Robot:
         name = _name(element, links, place)
         links[name] = _inertia(element, f"{place}: link {name!r}")
     joints: dict[str, Joint] = {}
+    gears = dict(_reductions(root))
     for element in root.findall("joint"):
         name = _name(element, joints, place)
-        joints[name] = _joint(element, name, f"{place}: joint {name!r}")
+        joint = _joint(element, name, f"{place}: joint {name!r}")
+        joints[name] = joint._replace(gear=gears.get(name, 0.0))
     if not links:
         raise InputError(f"{place}: the robot has no <link>; a mechanism needs links and joints")
     if any(joint.parent == _WORLD for joint in joints.values()):
@@ -118,6 +121,16 @@ def _joint(element: ET.Element, name: str, where: str) -> Joint:
         None if mimic is None else mimic.get("joint", ""),
         limits=_limits(element, kind),
     )
+
+
+def _reductions(root: ET.Element) -> Iterator[tuple[str, float]]:
+    """Joints whose transmission is theirs alone, and its reduction; what is no number is none."""
+    for entry in root.iter("transmission"):
+        joints, ratios = entry.findall("joint"), [*entry.iter("mechanicalReduction")]
+        if len(joints) == len(ratios) == 1:
+            with suppress(ValueError):
+                ratio = float(ratios[0].text or "")
+                yield joints[0].get("name", ""), ratio if abs(ratio) < _LARGEST else 0.0
 
 
 def _limits(element: ET.Element, kind: str) -> Limits:

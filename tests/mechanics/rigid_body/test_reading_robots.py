@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures import driven_wrist as wrist
 from fixtures.mistakes import changes, rows
 from fixtures.random_robots import motions, random_robot, urdf_text
 from fixtures.refusals import assert_refused
@@ -16,6 +17,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of, mjcf, urdf
 from frictionid.mechanics.mechanism import Mechanism
+from frictionid.mechanics.rigid_body.robot_files import read_urdf
 
 INERTIAL = (
     '<inertial><mass value="2.0"/>'
@@ -81,6 +83,11 @@ def test_every_joint_that_can_move_does(read):
     assert arm.position_units == ("rad", "m", "rad")
     assert arm.torque_units == ("N m", "N", "N m")
     assert arm.driven == (True,) * 3
+
+
+def test_a_gear_is_the_reduction_of_the_joints_transmission(tmp_path):
+    (tmp_path / "geared.urdf").write_text(wrist.geared((3, "x", -5)))
+    assert [j.gear for j in read_urdf(tmp_path / "geared.urdf").joints] == [3.0, 0.0, -5.0]
 
 
 def test_locked_joints_stand_where_they_are_locked(read):
