@@ -27,10 +27,14 @@ class HeldOut(NamedTuple):
 
 
 class Nearest(NamedTuple):
-    """Coulomb and viscous friction (n, 2) nearest to a law along the recordings, and its cost."""
+    """Coulomb and viscous friction (n, 2) nearest to a law along the recordings, and its cost.
+
+    published : whether it is somebody's in place of that
+    """
 
     theta: Array
     cost: str
+    published: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,6 +118,8 @@ def machine(name: str) -> Machine:
     stated = {k: v for k, v in (drive or {}).items() if v is not None}
     numbers: dict[str, Any] = {k: np.asarray(v, dtype=float)[()] for k, v in stated.items()}
     nearest, held = card.pop("nearest", None), card.pop("held_out")
+    if nearest is not None:
+        nearest = Nearest(np.array(nearest["theta"]), nearest["cost"], card["published"])
     listed: dict[str, Any] = {key: tuple(card.pop(key)) for key in ("joints", "recordings")}
     return Machine(
         name=name,
@@ -121,7 +127,7 @@ def machine(name: str) -> Machine:
         mechanism=mechanism_of(mechanism) if mechanism else None,
         drive=PositionControl(**numbers) if drive else None,
         held_out=HeldOut(**held) if held else None,
-        nearest=Nearest(np.array(nearest["theta"]), nearest["cost"]) if nearest else None,
+        nearest=nearest,
         **listed,
         **card,
     )

@@ -171,7 +171,7 @@ def _lost(
     if friction is None or isinstance(model.law, CompensationLaw):
         return lost, None
     if model.data is None:
-        if written.held is not None and model.nearest is not None:
+        if model.nearest is not None and np.array_equal(friction.theta, model.nearest.theta):
             return (*lost, model.nearest.cost), None
         hint = "name a data set (--dataset) to see what that costs in torque and after 1 s"
         return (*lost, hint), None

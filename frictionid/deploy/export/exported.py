@@ -122,6 +122,14 @@ class ExportedFriction:
         return None if rotor is None or len(self.joints) != 1 else float(rotor)
 
     @property
+    def back_emf(self) -> Array:
+        """Damping (n,) [N m s/rad] of the joints by the back-EMF of their servos' motors."""
+        damping, driven = np.zeros(self.friction.n), list(self.driven.values())
+        if self.drive is not None:
+            damping[driven] = self.drive.back_emf[driven]
+        return damping
+
+    @property
     def delay(self) -> float:
         """Delay [s] of the motors' commands: of a servo's targets, else of the torque."""
         return float((self.drive or self.calibration).delay)
@@ -167,12 +175,15 @@ class ExportedFriction:
         """Lines on units, signs, range and origin, for the head of a file."""
         source = self.friction.provenance
         units = zip(self.joints, self.units, self.torque_units, strict=True)
-        head = (
+        head: tuple[str, ...] = (
             f"Friction law: {self.law}",
             "Tf opposes positive velocity: M(q) dw/dt = h(q, w) + B u - Tf.",
         )
+        if isinstance(self.law, CompensationLaw):
+            torque = "u is the motor torque: the reference's, or that of the last cycle."
+            head = (*self.law.facts, *[torque] * follows(self.friction, "u"))
         lines = [
-            *(self.law.facts if isinstance(self.law, CompensationLaw) else head),
+            *head,
             "SI units: " + ", ".join(f"{name} [{x}, {x}/s, {force}]" for name, x, force in units),
             "The measured speeds are not known: friction is the law's at all speeds.",
         ]
@@ -306,6 +317,22 @@ def _programs(friction: Friction) -> Programs:
         for program in programs
     )
     return Programs(torque_, advance_, start_, tuple(x for x in INPUTS if x in used), count)
+
+
+def follows(friction: Friction, name: str) -> bool:
+    """Whether the torque depends on an input: "q", "u" or "load".
+
+    >>> from frictionid.friction.laws import MotorLoad
+    >>> friction = Friction(MotorLoad(), np.array([[0.1, 0.02, 0.3]]))
+    >>> [follows(friction, name) for name in ("q", "u", "load")]
+    [False, True, False]
+    """
+    law, theta = friction.law, friction.theta
+    w = np.ones((2, friction.n))
+    x = Inputs(w, w, w, w)._replace(**{name: w * [[1.0], [2.5]]})
+    memory = law.start(theta, x)
+    values = (law.torque(theta, x, memory), law.limit(theta, x, memory))
+    return any(np.ptp(np.broadcast_to(v, w.shape), axis=0).any() for v in values)
 
 
 def inputs_of(arrays: Mapping[str, Array]) -> Inputs:

@@ -9,15 +9,17 @@ from scipy.optimize import nnls
 
 from frictionid.arrays import Array
 from frictionid.data.joint_scales import joint_sizes, norm_of
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import POINTS, curves, slow_speed
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.predicted_motion import predict
-from frictionid.friction import Friction, Inputs, Law, along, at_rest
+from frictionid.friction import Friction, Law, along, at_rest
 from frictionid.friction.laws import CoulombViscous
 
 from ..compensation import listed
-from .exported import ExportedFriction
+from .exported import ExportedFriction, follows
 
 _SAME = 1e-9  # of the torques: what rounding does
 
@@ -97,19 +99,27 @@ def differs(model: ExportedFriction, held: Friction) -> bool:
     """Whether a friction is another one than the model's, beyond rounding."""
     if is_coulomb_viscous(model.law):
         return model.law.sharpened() == model.law
-    if model.law.has_memory or model.nearest is not None or follows_more(model.friction):
+    if model.law.has_memory or model.nearest is not None or followed(model):
         return True
     w, torque, _ = sliding(model)
     off = np.abs(curves(held, w) - torque)
     return bool(off.max() > _SAME * max(float(np.abs(torque).max()), 1e-12))
 
 
-def follows_more(friction: Friction) -> bool:
-    """Whether the torque of a static friction depends on more than the velocity."""
-    w = np.ones((2, friction.n))
-    x = Inputs(*(w * np.array([[0.0], [1.0]]),) * 4)._replace(w=w)
-    torque = friction.law.torque(friction.theta, x, ())
-    return bool((torque[0] != torque[1]).any())
+_MORE = {"q": "the angle", "u": "the motor torque", "load": "the bearing load"}
+
+
+def followed(model: ExportedFriction) -> list[str]:
+    """What beside the velocity the torque depends on, in words."""
+    return [words for name, words in _MORE.items() if follows(model.friction, name)]
+
+
+def matched(model: ExportedFriction) -> str:
+    """Where a simpler law matches the model, in words; see `sliding`."""
+    if model.data is not None:
+        return "along the recorded motion"
+    where, inputs = "up to the measured speeds, all alike", " and ".join(followed(model))
+    return f"{where}, at zero of {inputs}" if inputs else where
 
 
 def break_away(friction: Friction) -> Array:
@@ -129,13 +139,13 @@ def lost_by(model: ExportedFriction, held: Friction, target: str, names: str) ->
             f"{target} has a step at w = 0, the model smooths it over {model.law.width:g} rad/s "
             f"({model.law.shape}); {names} are its level and slope"
         ]
-    along_motion = model.data is not None or model.nearest is not None
-    where = "along the recorded motion" if along_motion else "up to the measured speeds, all alike"
-    lines = [
-        f"{target} holds {names} of each joint, no {type(model.law).__name__}: their level and "
-        f"slope are the least squares of the model's torques {where}, without slow samples "
-        "(|w| < 0.05 rad/s)"
-    ]
+    lines = [f"{target} holds {names} of each joint, no {type(model.law).__name__}"]
+    if model.nearest is None or not model.nearest.published:
+        where = "along the recorded motion" if model.nearest else matched(model)
+        lines[0] += (
+            f": their level and slope are the least squares of the model's torques {where}, "
+            "without slow samples (|w| < 0.05 rad/s)"
+        )
     levels = (break_away(model.friction), held.theta[:, 0])
     for name, unit, level, other in zip(model.joints, model.torque_units, *levels, strict=True):
         if level > 0 and abs(level - other) > 0.01 * level:
@@ -189,7 +199,6 @@ def lost_of_motors(model: ExportedFriction, target: str, *, has_drives: bool) ->
     return [f"{target} holds no {name} of the motors: it is left" for name in left if left[name]]
 
 
-_NOT_HELD = {"q": "the angle", "u": "the motor torque", "load": "the bearing load"}
 TABLE_USE = "interpolate torque over velocity, joint by joint; add it to the motor torque"
 
 
@@ -198,9 +207,33 @@ def lost_in_table(model: ExportedFriction, off: float) -> tuple[str, ...]:
     lost = [f"between its velocities the table is straight: at most {off:.2g} off steady sliding"]
     if model.friction.law.has_memory:
         lost.append("a table has no memory: it holds steady sliding at each velocity")
-    if missing := [_NOT_HELD[x] for x in model.programs.inputs if x in _NOT_HELD]:
+    if missing := [_MORE[x] for x in model.programs.inputs if x in _MORE]:
         lost.append(f"a table of velocities holds friction at zero of {' and '.join(missing)}")
     return tuple(lost)
+
+
+def gains_of(recording: Recording) -> tuple[tuple[float, ...], ...]:
+    """What makes the gains of a servo: none of a torque, nor of a supply that is measured."""
+    servo = recording.servo
+    if servo is None:
+        return ()
+    supply = 0.0 if isinstance(servo.supply, Signal) else servo.supply
+    numbers = (servo.gain, servo.damping, servo.limit, np.nan_to_num(supply))
+    return tuple(tuple(np.ravel(x).tolist()) for x in numbers)
+
+
+def whose_gains(model: ExportedFriction) -> tuple[str, ...]:
+    """A sentence on whose gains are written, where recordings differ in them."""
+    recordings = () if model.data is None or model.drive is None else model.data.recordings
+    if len({gains_of(r) for r in recordings}) < 2:
+        return ()
+    return (f"recordings differ in their gains: those of {recordings[0].name} are written",)
+
+
+def changed(model: ExportedFriction, recording: Recording) -> list[str]:
+    """Names of the mechanism's parameters that a recording has otherwise, such as a payload."""
+    stated = {} if model.mechanism is None else model.mechanism.nominal()
+    return [name for name, value in recording.parameters.items() if stated.get(name) != value]
 
 
 _MOST = 200  # rollouts: more say no more of a median

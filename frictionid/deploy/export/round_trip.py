@@ -14,7 +14,7 @@ from frictionid.mechanics.rigid_body.robot_files import without_shapes
 from frictionid.progress import report_step
 
 from .exported import ExportedFriction
-from .nearest import Replay, reaching, replayed
+from .nearest import Replay, changed, gains_of, reaching, replayed
 
 _MOST = 48  # predictions
 
@@ -59,15 +59,17 @@ median 0.0002), and errs by 0.073 where ours err by 0.072'
 
 
 def _alike(model: ExportedFriction, initial: InitialStates, count: int) -> InitialStates:
-    """Starts whose machine is that of the file: servos connected, with the first one's gains."""
+    """Starts whose machine is that of the file: servos connected, with the first one's gains.
+
+    Payloads are the mechanism's.
+    """
     assert model.data is not None
     first, rows = model.data.recordings[0], []
     for s, r in enumerate(initial.recording):
         recording = model.data.recordings[r]
         clock = _clock(initial, s)
-        alike = recording.parameters == first.parameters
-        if recording.servo is not None and first.servo is not None:
-            alike &= bool(np.all(recording.servo.gain == first.servo.gain))
+        alike = gains_of(recording) == gains_of(first) and not changed(model, recording)
+        if recording.servo is not None:
             alike &= bool(recording.servo.connected(clock).all())
         rows += [s] if alike else []
     most = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), count)).astype(int))

@@ -6,12 +6,20 @@ import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
 
+import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import taken
 from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.nearest import break_away, cost_of, cost_sentence, differs, nearest
+from frictionid.deploy.export.nearest import (
+    break_away,
+    cost_of,
+    cost_sentence,
+    differs,
+    lost_by,
+    nearest,
+)
 from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, Quadratic, Stribeck
+from frictionid.friction.laws import CoulombViscous, MotorLoad, Quadratic, Stribeck
 
 
 def shortened(data, count):
@@ -45,6 +53,23 @@ def test_the_level_of_an_arctangent_is_kept_as_the_level():
     own = exported(model, speeds=(7.0,))
     np.testing.assert_array_equal(nearest(own).theta, model.theta)
     assert differs(own, nearest(own))
+
+
+def test_a_law_that_follows_the_motor_says_that_it_is_taken_without():
+    theta = np.array([[0.1, 0.02, 0.3]])
+    for law, said in ((MotorLoad(), True), (Quadratic(), False)):
+        own = exported(Friction(law, theta), speeds=(7.0,))
+        (first, *_) = lost_by(own, nearest(own), "URDF", "friction and damping")
+        assert ("at zero of the motor torque" in first) == said
+
+
+@pytest.mark.parametrize(("name", "fitted"), [("xl330", True), ("mx64_m6", False)])
+def test_least_squares_are_said_where_there_were_some(name, fitted, tmp_path):
+    done = fid.export(f"machine:{name}", "isaac", tmp_path / "it.py")
+    assert any("least squares" in sentence for sentence in done.lost) == fitted
+    assert fid.machine(name).nearest.cost in done.lost
+    table = fid.export(f"machine:{name}", "yaml", tmp_path / "it.yaml")
+    assert fid.machine(name).nearest.cost not in table.lost  # of another friction
 
 
 def test_no_numbers_without_speeds():

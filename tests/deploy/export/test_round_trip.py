@@ -46,6 +46,28 @@ def test_a_servo_with_late_targets_and_a_limit_runs_as_ours(servo, tmp_path):
     assert done.round_trip.mean_apart < 2e-4
 
 
+def test_of_several_gains_and_payloads_it_is_said_whose_are_written(tmp_path):
+    """The first is heavier, the last stiffer: the file runs as the one between."""
+    heavy = replace(RIG, mass=2.0 * RIG.mass)
+    rigs = {"a": (heavy, 4.0), "b": (RIG, 4.0), "c": (RIG, 8.0)}
+    frames = {
+        name: pd.DataFrame(rig.log(gain, 0.05, seed=1, seconds=4.0))
+        for name, (rig, gain) in rigs.items()
+    }
+    actuator = {"target": "target", "output": "torque", "P": 4.0, "D": 0.05, "limit": 0.4}
+    actuator["recordings"] = {"c": {"P": 8.0}}
+    machine = fid.mechanisms.pendulum(mass=RIG.mass, length=RIG.length)
+    columns = {"time": "t", "angle": "q", "parameters": {"a": {"mass": heavy.mass}}}
+    data = fid.Dataset.from_frames(frames, machine, actuator=actuator, **columns)
+    friction = replace(FRICTION, calibration=calibrated(1, target_delay=0.012))
+    done = fid.export(friction, "mujoco", tmp_path / "servo.xml", data=data)
+    assert done.round_trip.predictions > 5 and done.round_trip.mean_apart < 2e-4
+    said = "recordings differ in their gains: those of a are written"
+    assert said in done.notes
+    assert "recordings differ in mass: written is the mechanism's, as in b" in done.notes
+    assert said in fid.export(friction, "isaac", tmp_path / "servo.py", data=data).notes
+
+
 def test_a_backlash_that_a_target_has_not_is_named_with_what_it_costs(servo, tmp_path):
     loose = calibrated(1, target_delay=0.012, backlash=[0.02])
     friction = replace(FRICTION, calibration=loose)

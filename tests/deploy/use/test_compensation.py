@@ -24,6 +24,7 @@ from frictionid.friction.laws import (
     Dahl,
     FilmLag,
     LuGre,
+    MotorLoad,
     Play,
     Spline,
     Stribeck,
@@ -111,6 +112,13 @@ def test_held_until_the_next_sample_it_is_nearer_to_fine_steps_than_by_mean_velo
     mean, own = by_mean(dt), feed_forward(friction, settings, dt, reference(dt)[0])
     off = [np.square(np.repeat(u, fine, axis=0) - exact).mean() ** 0.5 for u in (own, mean)]
     assert off[0] < 0.6 * off[1]
+
+
+def test_code_that_takes_the_motor_torque_says_what_that_is():
+    geared = Friction(MotorLoad(), np.array([[0.1, 0.02, 0.3]]))
+    for friction, said in ((geared, True), (STRIBECK, False)):
+        facts = exported(compensating(friction)).facts
+        assert any(line.startswith("u is the motor torque") for line in facts) == said
 
 
 def assert_holds(table, compensation, most):

@@ -15,7 +15,7 @@ from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Stribe
 from frictionid.friction.laws.levels import VELOCITIES
 
 from ..exported import ExportedFriction, ExportSettings, Written
-from ..nearest import follows_more, sliding
+from ..nearest import followed, matched, sliding
 
 _ALPHA = 2.0  # exponent of our Stribeck peak
 _NONE = 1.0  # [rad/s], Stribeck velocity of a friction without a peak
@@ -44,7 +44,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     if not is_same:
         lost.append(
             f"BAM has no {type(model.law).__name__}: {' and '.join(sorted(kinds))} is the nearest "
-            "to the model's torques, by least squares"
+            f"to the model's torques, by least squares {matched(model)}"
         )
     if missing:
         lost.append(f"{', '.join(missing)} of the motor are not known: BAM takes its own values")
@@ -67,7 +67,7 @@ def held(model: ExportedFriction) -> Friction:
         return replace(friction, law=sharp, constraints=None)
     w, torque, fast = sliding(model)
     u = np.zeros_like(w)
-    geared = model.prepared is not None and not law.has_memory and follows_more(friction)
+    geared = model.prepared is not None and not law.has_memory and bool(followed(model))
     if geared and model.prepared is not None:
         u = model.prepared.integral.nodes.inputs.u
     columns = zip(w.T, u.T, torque.T, fast.T, strict=True)

@@ -15,7 +15,7 @@ from frictionid.arrays import Array
 
 from ..exported import ExportedFriction, ExportSettings, Written
 from ..expressions import rendered
-from ..nearest import break_away, lost_by, nearest
+from ..nearest import break_away, lost_by, nearest, whose_gains
 
 held = nearest
 
@@ -27,11 +27,10 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     values: dict[str, Array | None] = {"stiffness": None, "damping": None}
     if drive is not None:
         values |= {"stiffness": drive.kp, "damping": drive.kv, "effort_limit": drive.limit}
-        viscous = viscous + drive.back_emf
     values |= {
         "friction": np.maximum(break_away(model.friction), level),
         "dynamic_friction": level,
-        "viscous_friction": viscous,
+        "viscous_friction": viscous + model.back_emf,
     }
     if model.rotor is not None:
         values["armature"] = np.array([model.rotor])
@@ -60,7 +59,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     }
     context = {"kind": kind, "groups": groups, "delay": delay}
     code = rendered("isaac.py.j2", model, settings, context)
-    return Written({".py": code}, tuple(lost), other)
+    return Written({".py": code}, tuple(lost), other, whose_gains(model))
 
 
 def _alike(name: str, model: ExportedFriction, stall: Array) -> dict[str, Array]:

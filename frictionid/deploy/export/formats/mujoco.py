@@ -35,7 +35,16 @@ from ..native import (
     lost_bristles,
     passive_motor,
 )
-from ..nearest import Replay, base_differences, break_away, differs, kept_inertias, lost_by
+from ..nearest import (
+    Replay,
+    base_differences,
+    break_away,
+    changed,
+    differs,
+    kept_inertias,
+    lost_by,
+    whose_gains,
+)
 from ..round_trip import in_mujoco
 from ..xml_text import (
     Element,
@@ -254,9 +263,7 @@ def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
     """Sentences on what the actuators do, and on what of a calibration they do not."""
     notes = []
     if model.drive is not None:
-        notes.append(
-            "the actuators are position control by the identified gains: ctrl is the target"
-        )
+        notes += ["the actuators are position control: ctrl is the target", *whose_gains(model)]
     if any(actuator_of(model, j)[0] == "dcmotor" for j in model.driven.values()):
         notes.append(
             "motors are dcmotors of 1 Ohm, whose voltage and torque limits are the envelope"
@@ -275,7 +282,7 @@ def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
 def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str]]:
     """MJCF of the data's mechanism, what it is, notes, and lost inertias."""
     mechanism = model.mechanism
-    notes: list[str] = []
+    notes = whose_parameters(model)
     lost: list[str] = []
     if mechanism is None:
         raise InputError(
@@ -298,6 +305,15 @@ def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str
     if is_stiff(model, step):
         text = text.replace('integrator="RK4"', 'integrator="implicitfast"')
     return text.encode(), f"MJCF of {mechanism.kind}", notes, lost
+
+
+def whose_parameters(model: ExportedFriction) -> list[str]:
+    """A sentence on whose payload is written, where recordings differ in it."""
+    recordings = () if model.data is None else model.data.recordings
+    names = ", ".join(sorted({name for r in recordings for name in changed(model, r)}))
+    same = next((r.name for r in recordings if not changed(model, r)), "no recording")
+    said = f"recordings differ in {names}: written is the mechanism's, as in {same}"
+    return [said] if names else []
 
 
 def _joints(listed: list[Element], model: ExportedFriction, where: str) -> list[Element]:
