@@ -1,6 +1,7 @@
 """Friction in a URDF: levels and slopes of joints, all else as it was."""
 
 import numpy as np
+import pytest
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 
@@ -72,6 +73,18 @@ def test_marks_of_order_ends_of_lines_and_letters_stay(tmp_path):
 def test_what_a_urdf_cannot_hold_is_said(tmp_path):
     made = written(tmp_path, law=Stribeck(), theta=np.array([[0.1, 0.05, 0.5, 0.02]] * 2))
     assert any("no Stribeck" in sentence for sentence in made.lost) and made.held is not None
+
+
+@pytest.mark.parametrize("name", ["xl330", "mx64_m6"])
+def test_a_servo_brings_its_back_emf_and_says_that_its_limit_is_left(name, tmp_path):
+    path, card = tmp_path / "arm.urdf", fid.machine(name)
+    path.write_text(ROBOT)
+    own = exported(card.friction, ("one",), card=card)
+    made = writer_of("urdf")(own, ExportSettings(into=path))
+    (dynamics, *_) = (e for e in elements(made.files[".urdf"], "it") if e.tag == "dynamics")
+    damping = card.nearest.theta[0, 1] + card.drive.back_emf[0]
+    assert float(dynamics.attributes["damping"]) == damping
+    assert any(f"torque limit ({card.drive.limit[0]:.4g})" in sentence for sentence in made.lost)
 
 
 CHANGES = """

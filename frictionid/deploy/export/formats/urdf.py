@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from frictionid.data.servo import PositionControl
 from frictionid.errors import InputError
 from frictionid.files import json_text
 
+from ...compensation import listed
 from ..exported import ExportedFriction, ExportSettings, Written
-from ..nearest import kept_inertias, lost_by, lost_of_motors, nearest
+from ..nearest import kept_inertias, lost_by, lost_of_motors, nearest, whose_gains
 from ..xml_text import Element, by_name, element, read_xml, replaced, stated_before, with_attributes
 
 _TYPES = {"rad": ("revolute", "continuous"), "m": ("prismatic",)}
@@ -27,13 +30,14 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     friction = nearest(model)
     changes: list[tuple[int, int, bytes]] = []
     notes: list[str] = []
-    for joint, unit, (level, slope) in zip(joints, model.units, friction.theta, strict=True):
+    rows = zip(joints, model.units, friction.theta, model.back_emf, strict=True)
+    for joint, unit, (level, slope), back_emf in rows:
         if joint.attributes.get("type") not in _TYPES[unit]:
             raise InputError(
                 f"{path}: joint {joint.name!r} is {joint.attributes.get('type')}, the model's "
                 f"position is in {unit}: its friction needs a joint {' or '.join(_TYPES[unit])}"
             )
-        new = {"damping": repr(float(slope)), "friction": repr(float(level))}
+        new = {"damping": repr(float(slope + back_emf)), "friction": repr(float(level))}
         dynamics = next((e for e in joint.children if e.tag == "dynamics"), None)
         if dynamics is None:
             changes.append(_inserted(text, joint, element("dynamics", new)))
@@ -46,13 +50,17 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     lost += kept_inertias(model, "URDF") + lost_of_motors(model, "URDF", has_drives=False)
     content = {".urdf": replaced(text, changes)}
     if model.drive is not None:
+        limit, damping = listed(model.drive.limit), listed(model.back_emf)
+        said = f"the motors' torque limit ({limit}) is left: <limit effort> stays as it was"
+        lost += [said] * bool(np.isfinite(model.drive.limit).any())
+        notes += [f"damping includes the motors' back-EMF ({damping})", *whose_gains(model)]
         content["_controllers.yaml"] = _controllers(model.joints, model.drive)
         notes.append("ros2_control: gains for effort interfaces stand beside it; it was not run")
     return Written(content, tuple(lost), other, tuple(notes))
 
 
 def _controllers(joints: Sequence[str], drive: PositionControl) -> bytes:
-    """Parameters of ros2_control's joint_trajectory_controller with the identified gains (JSON).
+    """Parameters of ros2_control's joint_trajectory_controller with the servos' gains (JSON).
 
     Its d acts on the velocity error: without target velocities, on the velocity as here.
     """

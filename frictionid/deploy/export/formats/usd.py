@@ -22,7 +22,7 @@ from frictionid.files import read_bytes
 from frictionid.friction import Friction
 
 from ..exported import ExportedFriction, ExportSettings, Written
-from ..nearest import break_away, kept_inertias, lost_by, lost_of_motors, nearest
+from ..nearest import break_away, kept_inertias, lost_by, lost_of_motors, nearest, whose_gains
 from ..xml_text import by_name, stated_before
 
 with needs("usd"):
@@ -70,6 +70,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
             notes += _drive(joint, drive, j, steps)
     if delay:
         notes.append(f"targets are {1e3 * delay:.3g} ms late: {steps} steps at {rate:g} Hz")
+    notes += whose_gains(model)
     sublayer = os.path.relpath(path.resolve(), settings.folder.resolve())
     notes.append(f"the layer names {sublayer}: open it in place of that, and move both together")
     lost = lost_by(model, friction, "Newton", "friction and damping")
@@ -114,8 +115,7 @@ def _friction(model: ExportedFriction, friction: Friction, j: int, joint: Joint)
     """Gives a joint friction; notes."""
     prim, axis = joint.prim, f"physxJointAxis:{joint.axis}"
     level, viscous = friction.theta[j]
-    if model.drive is not None and j in model.driven.values():
-        viscous = viscous + model.drive.back_emf[j]
+    viscous = viscous + model.back_emf[j]
     of_joint = {"friction": joint.effort * level, "damping": joint.by_degree * viscous}
     of_axis = {
         "staticFrictionEffort": joint.effort * max(level, break_away(model.friction)[j]),
