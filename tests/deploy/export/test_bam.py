@@ -4,22 +4,26 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from drive_logs import ServoPendulum
 from fixtures.bam_formula import bam_friction
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 
 import frictionid as fid
+from frictionid.data.calibration import Calibration
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.formats.bam import held
 from frictionid.deploy.export.nearest import nearest
 from frictionid.friction import Friction, Inputs, along
-from frictionid.friction.bam_files import GEAR, MODELS, read_bam
+from frictionid.friction.bam_files import GEAR, GRAVITY, MODELS, read_bam
 from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Quadratic, Stribeck
 
 MOMENT = 0.48
+RIG = ServoPendulum(coulomb=0.03, viscous=0.02)
 
 
 def published(model, rng):
@@ -73,6 +77,30 @@ def test_what_bam_holds_is_written_and_read_back_as_it_is(model):
     x = Inputs(*(2.0 * rng.standard_normal((4, 10_000, 1))))
     own, read = (f.law.torque(f.theta, x, ()) for f in (friction, back))
     np.testing.assert_allclose(read, own, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("output", "R", "missing"), [("voltage", 5.4, ""), ("current", None, "R of the motor")]
+)
+def test_the_motor_of_a_geared_servo_is_that_at_its_output(output, R, missing):
+    actuator = {"target": "target", "output": output, "P": 4.0, "kt": 0.005, "gear": 200}
+    actuator |= {} if R is None else {"R": R}
+    frames = {"soft": pd.DataFrame(RIG.log(4.0, 0.05, seed=1, seconds=2.0))}
+    machine = fid.mechanisms.pendulum(mass=RIG.mass, length=RIG.length, rotor=1e-7, gear=200)
+    data = fid.Dataset.from_frames(frames, machine, time="t", angle="q", actuator=actuator)
+    friction = Friction(CoulombViscous(), np.array([[0.03, 0.02]]))
+    made = writer_of("bam")(exported(friction, data=data), ExportSettings())
+    back = read_bam(json.loads(made.files[".json"]), "it").parameters
+    wanted = {"rotor": 1e-7 * 200**2, "kt": 0.005 * 200, "R": R}
+    assert back == {k: pytest.approx(v) for k, v in wanted.items() if v} | {"g": GRAVITY}
+    assert " ".join(made.lost).partition(" are not")[0] == missing
+
+
+def test_a_fitted_motor_has_no_torque_constant_without_its_gear():
+    motor = replace(Calibration.ideal(1), motor=np.array([0.005, 5.4]))
+    friction = Friction(CoulombViscous(), np.array([[0.1, 0.02]]), calibration=motor)
+    _, made = written(friction)
+    assert json.loads(made.files[".json"])["R"] == 5.4 and "armature, kt of" in made.lost[0]
 
 
 def test_other_laws_are_held_by_the_nearest_one():

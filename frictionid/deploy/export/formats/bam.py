@@ -1,6 +1,7 @@
 """Friction as parameter files of BAM, for its simulators of servos: models M1 to M6."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -30,13 +31,13 @@ _NAMES: Mapping[type[Law], tuple[str, ...]] = {
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A parameter file for each joint; `name` is BAM's name of the actuator."""
-    friction, (motor, missing) = held(model), _motor(model)
-    files, kinds = {}, set()
+    friction, files, kinds = held(model), {}, set()
     for j in range(friction.n):
         kind, values = _smallest(friction, j)
         kinds.add(kind.upper())
         if isinstance(friction.law, GearLoad) and kind > "m2":
             values["moment"] = friction.law.moment
+        motor = _motor(model, j)
         document = {**motor, **values, "model": kind, "actuator": settings.name}
         ending = ".json" if j == 0 else f"_{j + 1}.json"
         files[ending] = (json.dumps(document, indent=1) + "\n").encode()
@@ -46,7 +47,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
             f"BAM has no {type(model.law).__name__}: {' and '.join(sorted(kinds))} is the nearest "
             f"to the model's torques, by least squares {matched(model)}"
         )
-    if missing:
+    if missing := [name for name in MOTOR if name not in motor]:
         lost.append(f"{', '.join(missing)} of the motor are not known: BAM takes its own values")
     lost += _uncalibrated(model)
     return Written(files, tuple(lost), None if is_same else friction)
@@ -139,24 +140,24 @@ def _smallest(friction: Friction, joint: int) -> tuple[str, dict[str, float]]:
     return kind, {name: values[name] for name in MODELS[kind]}
 
 
-def _motor(model: ExportedFriction) -> tuple[dict[str, float], list[str]]:
-    """Numbers of the motor by BAM's names, and those that are not known."""
+def _motor(model: ExportedFriction, joint: int) -> dict[str, float]:
+    """Numbers of a joint's motor by BAM's names, at its output; none that is not known.
+
+    A fitted torque constant is the motor's, whose gear the data know.
+    """
+    calibration, mechanism, ratio = model.calibration, model.mechanism, 1.0
     numbers: dict[str, Any] = dict(model.friction.parameters)
-    calibration = model.calibration
+    if mechanism is not None and "rotor" in (nominal := mechanism.nominal()):
+        nominal["rotor"] = numbers.get("rotor", nominal["rotor"])
+        numbers["rotor"] = nominal["rotor"] * nominal.get("gear", 1.0) ** 2
+        if calibration.base is not None:  # inertia beyond the nominal one counts as the rotor's
+            numbers["rotor"] += calibration.base[0] - mechanism.base(nominal)[0]
     if calibration.motor is not None:
-        numbers["kt"], numbers["R"] = map(float, calibration.motor)
-    if model.data is not None:
-        mechanism, servo = model.data.mechanism, model.data.recordings[0].servo
-        nominal = mechanism.nominal()
-        if calibration.base is not None and "rotor" in nominal:
-            # inertia of base parameters beyond the nominal one counts as the rotor's
-            beyond = calibration.base[0] - mechanism.base(nominal)[0]
-            numbers["rotor"] = nominal["rotor"] + float(beyond)
-        numbers = {"rotor": nominal.get("rotor"), **numbers}
-        if servo is not None:
-            numbers = {"kt": servo.kt, "R": servo.R, **numbers}
-    values = {name: numbers.get(ours) for name, ours in MOTOR.items()}
-    motor = {name: float(v) for name, v in values.items() if v is not None}
-    if motor.get("armature", 0.0) < 0:
-        del motor["armature"]
-    return motor, [name for name in values if name not in motor]
+        (numbers["kt"], numbers["R"]), ratio = calibration.motor, math.nan
+    servo = None if model.data is None else model.data.recordings[0].servo
+    if servo is not None:
+        numbers = {"kt": servo.kt, "R": servo.R, **numbers}
+        ratio = np.broadcast_to(servo.ratio, model.friction.n)[joint]
+    numbers["kt"] = ratio * numbers.get("kt", math.nan)
+    values = {name: float(numbers.get(ours, math.nan)) for name, ours in MOTOR.items()}
+    return {name: value for name, value in values.items() if 0 < value < math.inf}
