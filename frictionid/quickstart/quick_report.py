@@ -16,6 +16,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import Loss
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import plain
+from frictionid.fitting.shooting.omitted_blocks import NOT_FREE
 from frictionid.friction import Friction
 from frictionid.friction.laws.levels import LOAD, LOSS
 from frictionid.friction.provenance import Estimate, Estimates
@@ -175,6 +176,8 @@ def verdict(result: Quick) -> list[str]:
         f"It {measure.words(chosen.error)} on held-out motion{median}, "
         f"{measure.size(_without(result).error)} without friction.",
     ]
+    doubts = result.refined.warnings if result.refined else ()
+    out += (words for words in doubts if words.startswith(NOT_FREE))
     if result.folds < FEWEST:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen and chosen.loss is not None:

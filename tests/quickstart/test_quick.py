@@ -117,6 +117,17 @@ def test_no_friction_does_not_read_as_no_law(found, worse, sentence):
     assert sentence in verdict(replace(result, candidates=tuple(candidates)))
 
 
+def test_a_block_that_is_not_free_and_would_show_is_named(found):
+    """Also where too little motion was held out to compare laws."""
+    result, _ = found
+    said = "Not free, and would show: 'offset' (p = 3e-16). Free them."
+    doubted = replace(result, refined=replace(result.refined, warnings=("Odd.", said)))
+    for each in (doubted, replace(doubted, folds=1)):
+        assert said in verdict(each) and "Odd." not in verdict(each)
+        assert "Not free" in repr(each) and said in json.loads(quick_json(each))["verdict"]
+    assert said not in verdict(result)
+
+
 def test_it_is_said_why_another_law_than_that_of_the_smallest_error_is_best(found):
     result, _ = found
     said = "The table's errors are of all motion together; the rule compares mean errors"

@@ -33,6 +33,7 @@ OF_SERVOS: tuple[ParameterBlock, ...] = (
     BiasBlock(),
     OffsetBlock(),
 )
+NOT_FREE = "Not free, and would show"
 _CLEAR = 0.01  # p-value of a block that would show
 _OWN = 1e-6  # of a parameter's information that no other one shares, or it is no question
 
@@ -72,7 +73,7 @@ def omitted_blocks(
         if p[worst] < _CLEAR:
             shift, pairs = step.shift(names), zip(names, p, strict=True)
             each = ", ".join(f"{name!r} (p = {p_value:.1g})" for name, p_value in pairs)
-            words = f"Not free, and would show: {each}. Intervals hold what that would change; "
+            words = f"{NOT_FREE}: {each}. Intervals hold what that would change; "
             return np.outer(shift, shift) / 3.0, (f"{words}free them.",)
         names = (*names[:worst], *names[worst + 1 :])
     return 0.0, ()
