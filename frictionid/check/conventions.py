@@ -203,7 +203,7 @@ def _with_torque(scored: Sequence[Scored]) -> list[Scored]:
 def _all_scored(measured: Measured, candidates: Sequence[Convention]) -> Iterator[Scored]:
     """Conventions with their scores; those of one map of the angles share its rows."""
     maps = {_key(c): c for c in candidates}
-    rows = dict(zip(maps, _rows(measured, list(maps.values())), strict=True))
+    rows = dict(zip(maps, rows_under(measured, list(maps.values())), strict=True))
     torque = next(iter(rows.values())).means(measured.torque)
     yield from (scored(c, rows[_key(c)], torque @ c.torque.T) for c in candidates)
 
@@ -263,7 +263,7 @@ def _key(convention: Convention) -> tuple[bytes, bytes]:
     return convention.angle.tobytes(), convention.offset.tobytes()
 
 
-def _rows(measured: Measured, maps: Sequence[Convention]) -> Iterator[Rows]:
+def rows_under(measured: Measured, maps: Sequence[Convention]) -> Iterator[Rows]:
     """Rows at the nominal parameters under each map, as many maps at once as memory allows."""
     mechanism, acts = measured.mechanism, measured.mechanism.friction_map
     whole = measured.balances.samples

@@ -15,7 +15,7 @@ import numpy as np
 
 # From good to bad; the position is the exit status of the command.
 LEVELS = ("good", "doubtful", "unusable")
-_SCALES = {"ms": 1e3, "%": 100.0}
+_SCALES = {"ms": 1e3, "%": 100.0, "deg": 180 / np.pi, "minus": -1.0}
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def table() -> dict[str, dict[str, str]]:
 
 
 class _Words(Formatter):
-    """Templates with the formats of the table: percent, left, and figures in ms or %."""
+    """Templates with the formats of the table: percent, left, and figures in other units."""
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if format_spec == "percent":

@@ -1,9 +1,9 @@
 """Errors of the nominal mechanism, tested one at a time, and which of them the data single out.
 
-Torque gains, rotors, base parameters, and friction that grows with the motor's torque: each is
-fitted alone, with the friction of each joint free. Every such suspect has rivals that no column
-describes: a disturbance, an unmodelled load, several errors at once, and the errors of the motion
-itself. A suspect is named where it leaves little, not where it removes something.
+Torque gains, zeros of angles, rotors, base parameters, and friction that grows with the motor's
+torque: each is fitted alone, with the friction of each joint free. Every such suspect has rivals
+that no column describes: a disturbance, an unmodelled load, several errors at once, and the errors
+of the motion itself. A suspect is named where it leaves little, not where it removes something.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,6 +16,7 @@ from frictionid.arrays import Array
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.mechanics import Plant
 
+from .conventions import Convention, rows_under
 from .findings import Finding, finding, sentence
 from .motion import WIDTH, Measured
 from .partial_regression import MODEL, PartialRegression, partial_regression
@@ -25,6 +26,9 @@ from .servos import servos_of
 # Nominal numbers of real machines are rarely better than this share; friction that grows with the
 # torque shows from this share of it.
 LARGE, LOADED = 0.1, 0.08
+# Of what a wrong zero counts as a share [rad]: few are known better than a tenth of it. Its column
+# is a difference over a step [rad], of which rounding leaves less than a share.
+ZERO, STEP, ROUNDING = np.radians(10), 0.01, 1e-6
 # Another gear or torque constant stays within these factors; beyond them something else is wrong.
 GAINS = (0.2, 5.0)
 # A gain that its own joint alone shows is off by this much: a nominal inertia may be off by less.
@@ -53,8 +57,8 @@ class ModelError(NamedTuple):
     """A change that would correct the nominal mechanism, or its friction.
 
     kind, words ; size and error in `unit`; share: relative to the nominal value (gain - 1, or the
-    largest change of a base parameter); left: sum of squares over the one without any change;
-    left_in_row: the same in the balance of the joint that it changes most
+    largest change of a base parameter), of a zero to `ZERO`; left: sum of squares over the one
+    without any change; left_in_row: the same in the balance of the joint that it changes most
     """
 
     kind: str
@@ -68,17 +72,17 @@ class ModelError(NamedTuple):
 
 
 def model_errors(
-    plant: Plant, rows: Rows, torque: Array, fit: PartialRegression
+    measured: Measured, rows: Rows, torque: Array, fit: PartialRegression
 ) -> tuple[ModelError, ...]:
     """All errors, the one that explains most first.
 
-    plant : nominal, one batch entry per recording ; rows : of unit vectors ; torque (K, n) [N m] ;
-    fit : of these rows, with the friction of each joint free
+    rows : of unit vectors ; torque (K, n) [N m] ; fit : of these rows, with the friction of each
+    joint free
     """
-    target = torque - rows.required(plant.p)
+    target = torque - rows.required(measured.nominal)
     without = max(float(np.sum(fit.residual(target) ** 2)), 1e-300)
     out = []
-    for kind, words, column, unit, share in _candidates(plant, rows, torque):
+    for kind, words, column, unit, share in _candidates(measured, rows, torque):
         size, error, left = fit.estimate(target, column)
         in_row = fit.left_in_row(target, column, size) if kind in ("gain", "rotor") else 1.0
         if kind == "gain":  # the joint feels 1 - c of what is logged
@@ -90,10 +94,10 @@ def model_errors(
 
 
 def _candidates(
-    plant: Plant, rows: Rows, torque: Array
+    measured: Measured, rows: Rows, torque: Array
 ) -> Iterator[tuple[str, str, Array, str, float]]:
     """Errors to test: kind, words, column (K, n) [N m per unit], unit, relative size of a unit."""
-    mechanism, nominal = plant.mechanism, plant.p[0]
+    plant, mechanism, nominal = measured.plant, measured.mechanism, measured.nominal[0]
     motors = np.flatnonzero(mechanism.driven).tolist()
     if len(motors) > 1:
         yield "gain", "gain of all torques", torque, "", 1.0
@@ -104,12 +108,28 @@ def _candidates(
     for j in motors:
         words = f"the friction of joint {j + 1} grows with its torque"
         yield "load", words, growing * eye[j], "", 1.0
+    for j, slope in _zeros(measured, rows.required(measured.nominal)):
+        yield "zero", f"the zero of angle {j + 1}", slope, "rad", 1 / ZERO
     for name, change in _rotors(plant).items():
         share = float(np.max(np.abs(change) / np.maximum(np.abs(nominal), 1e-12)))
         yield "rotor", f"rotor inertia missing ({name})", rows.regressor @ change, "kg m^2", share
     for i, (name, unit) in enumerate(zip(mechanism.base_names, mechanism.base_units, strict=True)):
         if nominal[i]:
             yield "base", name, rows.regressor[..., i], unit, 1 / abs(float(nominal[i]))
+
+
+def _zeros(measured: Measured, required: Array) -> Iterator[tuple[int, Array]]:
+    """Angles (from 0) that the torque depends on, and its change (K, n) [N m/rad] by their zeros.
+
+    required (K, n) [N m] : with the zeros as they are
+    """
+    eye = np.eye(measured.mechanism.n)
+    turning = [j for j, unit in enumerate(measured.mechanism.position_units) if unit == "rad"]
+    maps = [Convention("zero", "", eye, eye, shift=-STEP * eye[j]) for j in turning]
+    for j, rows in zip(turning, rows_under(measured, maps), strict=True):
+        change = rows.regressor[..., 0] - required
+        if np.abs(change).max() > ROUNDING * np.abs(required).max():
+            yield j, change / STEP
 
 
 def _rotors(plant: Plant) -> dict[str, Array]:
@@ -187,7 +207,7 @@ def misfit(measured: Measured, rows: Rows, torque: Array) -> Misfit:
     return Misfit(
         share,
         MODEL * float(np.sqrt(np.sum(moving * noise**2))),
-        model_errors(measured.plant, rows, torque, fit),
+        model_errors(measured, rows, torque, fit),
         _free_share(left, rows, torque, nominal, fit),
         *(_worst(measured, left, number) or ("", share)),
         _SERVO if servos_of(measured.dataset) else "",

@@ -269,8 +269,8 @@ def unmeasured_findings(
 
     None where the motion is not known well enough.
     """
-    constant = any(f.kind == "constant_angle" for f in tests.findings)
-    if not tests.done or constant or sampling_findings(tests.measured):
+    wrong = any(f.kind in ("constant_angle", "zero") for f in tests.findings)
+    if not tests.done or wrong or sampling_findings(tests.measured):
         return
     share, times = _motion_left(regression, estimate)
     low, high = tests.delay.interval if tests.delay else (0.0, 0.0)

@@ -254,6 +254,7 @@ def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
     verdict = check(simulate(Rig("level", table, curve, camera, tuple(runs), substeps=4)))
     assert verdict.level == "good"
     assert not any("decay" in words or "gravity" in words for words in verdict.next)
+    assert not any(e.kind == "zero" for e in verdict.model_errors)
     bodies = identifiable(verdict, "inertia combinations")
     assert bodies.possible
 

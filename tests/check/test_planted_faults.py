@@ -41,19 +41,21 @@ def with_motions(numbers):
 
 def mapped(motions, fault, words):
     """Motions of the planted angles, where they follow from a map; None where they must be made."""
-    n = motions[0].states.q.shape[1]
+    n, zero = motions[0].states.q.shape[1], 0.0
     if fault == "flipped_angle":
         joint = int(words.split()[1]) - 1
         map_ = np.diag(np.where(np.arange(n) == joint, -1.0, 1.0))
     elif fault == "degrees":
         map_ = np.eye(n) * 180 / np.pi
+    elif fault == "wrong_zero":
+        map_, zero = np.eye(n), pool.zero_of(int(words.split()[4]) - 1, n)
     elif fault == "swapped_joints":
         map_ = np.eye(n)[::-1]
     elif fault in ("absolute_angle", "frozen_sensor"):
         return None
     else:
         return motions
-    return [mapped_motion(motion, map_) for motion in motions]
+    return [mapped_motion(motion, map_, zero) for motion in motions]
 
 
 def applicable(case, fault, two):

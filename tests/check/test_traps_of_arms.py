@@ -228,6 +228,14 @@ def test_zeros_that_are_off_by_quarter_turns_are_no_wrong_gears(arm, table):
         assert "equivalently" not in first.text
 
 
+def test_the_zero_of_a_vertical_first_axis_does_not_show(tmp_path):
+    upright = wrist.mechanism(tmp_path, gravity=[0.0, -9.81, 0.0])
+    verdict = check(wrist.dataset(upright, wrist.frame(upright)))
+    words = sorted(e.words for e in verdict.model_errors if e.kind == "zero")
+    assert words == ["the zero of angle 2", "the zero of angle 3"]
+    assert verdict.level == "good"
+
+
 def test_rotors_that_are_not_given_are_no_misfit_of_the_mechanism(arm, table):
     """They are asked for, and nothing else is suspected for their sake: no gain, sign or delay."""
     bare = arm.with_values(dict.fromkeys(wrist.PARAMETERS, 0.0))
