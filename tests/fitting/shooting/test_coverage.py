@@ -1,11 +1,14 @@
 """95 % intervals of shooting hold the truth; 100 sets of each law: comparisons/intervals.py."""
 
+from dataclasses import replace
+
 import coverage_cases
 import numpy as np
 import pytest
 from coverage_cases import case_of, sets_of
 from coverage_fits import SETTINGS, by_shooting, shot
 
+from frictionid.arrays import usual_step
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS
@@ -80,6 +83,20 @@ def test_a_machine_without_a_motor_has_no_delay_to_omit():
     (low, high), warnings = coulomb_of(data_of(4, recordings=2))  # two free decays
     assert low < LEVEL < high
     assert not any("'delay'" in w for w in warnings)
+
+
+@pytest.mark.parametrize(("samples", "held"), [(0.5, False), (1.5, True)])
+def test_a_torque_that_acts_less_than_a_sample_early_may_be_no_held_one(samples, held):
+    def later(recording):
+        u = recording.torque
+        torque = u._replace(time=u.time + samples * usual_step(u.time))
+        return replace(recording, torque=torque)
+
+    data = data_of(1)
+    data = replace(data, recordings=tuple(map(later, data.recordings)))
+    _, warnings = coulomb_of(data, DelayBlock())
+    (words,) = (w for w in warnings if "before it was logged" in w)
+    assert ("[hold]" in words) != held
 
 
 # --- A model that does not explain the motion: intervals hold what another setting would give -----
