@@ -112,6 +112,7 @@ class TangentRow:
             **{"by_v": m * m, "by_q": m * n, "by_w": m * n, "by_u": m * n, "by_z": e * m},
             **{
                 "by_theta": F * (m if self.row.coupled_by_load else 1),
+                "by_base": m * nf if self.row.coupled_by_load else 0,
                 "by_level": F,
                 "memory_by_z": e * e * m,
                 "memory_by_v": e * m,
@@ -156,7 +157,7 @@ class TangentRow:
         """Program of a function with the derivatives of an output, numbered from 0, in each input.
 
         "theta" stands for each place that is free, "z" for each entry of the memory, of all parts;
-        "free" for each free entry of theta alone.
+        "free" for each free entry of theta alone, "base" for each free base parameter.
         """
         sizes, m = self.sizes, self.sizes["slow"]
         directions: dict[str, Collection[str]] = {}
@@ -172,6 +173,9 @@ class TangentRow:
                 P = sizes["theta"] // m
                 for k, (joint, place) in enumerate(self.free):
                     directions[f"free {k}"] = [f"theta_{joint * P + place + 1}"]
+            elif name == "base":
+                for k, place in enumerate(self.base):
+                    directions[f"base {k}"] = [f"p_{place + 1}"]
             elif name == "each v":
                 directions["each v"] = [f"v_{j + 1}" for j in range(m)]
             else:
@@ -197,8 +201,8 @@ class TangentRow:
         def torque(x: Any) -> dict[str, Array]:
             return self.row.torque(SimpleNamespace(**vars(x) | self.row.dynamics(x)))
 
-        of_theta = "free" if self.row.coupled_by_load else "theta"
-        program = self._derivatives(torque, "sliding", ("v", "at_q", "at_w", "u", "z", of_theta))
+        of_theta = ("free", "base") if self.row.coupled_by_load else ("theta",)
+        program = self._derivatives(torque, "sliding", ("v", "at_q", "at_w", "u", "z", *of_theta))
         rows = {"by_v": "v", "by_q": "at_q", "by_w": "at_w", "by_u": "u"}
         outputs = {x: self._columns(program, "sliding", name) for x, name in rows.items()}
         memory = [program.outputs[f"sliding by z {i}"] for i in range(self.row.entries)]
@@ -208,6 +212,7 @@ class TangentRow:
             if self.row.coupled_by_load
             else self._of_free(program, "sliding")
         )
+        outputs["by_base"] = self._columns(program, "sliding", "base")
         outputs["sliding"] = program.outputs["sliding"]
         return needed(replace(program, outputs=outputs))
 
@@ -259,7 +264,8 @@ class TangentRow:
             if self.row.coupled_by_load
             else free.of_parts(x.by_theta, m)
         )
-        friction = Slopes(x.sliding, by_q, by_v + by_w, by_u, by_z, of_theta)
+        of_base = x.by_base.reshape(m, -1) if len(x.by_base) else np.zeros((m, len(self.base)))
+        friction = Slopes(x.sliding, by_q, by_v + by_w, by_u, by_z, of_theta, of_base)
         if self.row.sharp or not self.row.breaks:
             return friction
         return at_break_away(friction, x.braking, free.of_parts(x.by_level, m))

@@ -147,7 +147,7 @@ def _advanced(
         M = plant.mechanism.inertia(plant.p, before.q)
         T[:, n : 2 * n] = without_held(T[:, n : 2 * n], held, M, turns)
     now = now._replace(state=middle(before, end.state, dt))
-    friction = slopes(now, model.free, model.reads, stiction)
+    friction = slopes(now, model.free, model.base, model.reads, stiction)
     if stiction.braking is not None and stiction.braking.any():
         minimum = stiction.braking
         friction = at_break_away(friction, minimum, _limit_slopes(now, model.free, minimum))

@@ -10,6 +10,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.coordinates import is_coupled_by_load, of_parts, torque_map
 from frictionid.friction.wrapped import WrappedLaw
+from frictionid.mechanics import Plant
 
 from ..state import Instant, State
 from ..torque_balance import (
@@ -68,7 +69,8 @@ class Slopes(NamedTuple):
     """Friction torque (K, m) [N m] of all parts and its partial derivatives.
 
     by_q, by_w, by_u (K, m, n) by those of the joints, of motor torques in closed loop; by_memory
-    (K, e, m), of each part's own entries; by_theta (K, m, F), by each free entry of theta.
+    (K, e, m), of each part's own entries; by_theta (K, m, F), by each free entry of theta; by_base
+    (K, m, nb), by free base parameters, which the loads of gears follow.
     """
 
     torque: Array
@@ -77,6 +79,7 @@ class Slopes(NamedTuple):
     by_u: Array
     by_memory: Array
     by_theta: Array
+    by_base: Array
 
 
 class LawReads(NamedTuple):
@@ -103,12 +106,14 @@ def reads_of(law: Law, theta: Array, x: Inputs) -> LawReads:
     return LawReads(not np.array_equal(here, turned), not np.array_equal(here, pushed), others)
 
 
-def slopes(now: Instant, free: FreeTheta, reads: LawReads, stiction: Stiction) -> Slopes:
+def slopes(
+    now: Instant, free: FreeTheta, base: tuple[int, ...], reads: LawReads, stiction: Stiction
+) -> Slopes:
     """Friction torque and its slopes at states (K, n), of parts that slide to their side."""
     plant, friction, state, u = now
     theta, memory, law = friction.theta, state.memory, sharpened(friction, stiction)
 
-    def sliding(q: Array, w: Array, u: Array, theta: Array = theta) -> Inputs:
+    def sliding(q: Array, w: Array, u: Array, theta: Array = theta, plant: Plant = plant) -> Inputs:
         x = Instant(plant, replace(friction, theta=theta), State(q, w), u).inputs
         least = least_sliding_speed(friction.law)
         return x._replace(w=sliding_velocity(x.w, stiction.direction, least))
@@ -148,11 +153,15 @@ def slopes(now: Instant, free: FreeTheta, reads: LawReads, stiction: Stiction) -
         of_theta = free.combined(
             _by_theta_of_all(theta, free, lambda t: law.torque(t, sliding(*at, t), memory), here)
         )
+        of_base = _by_base(
+            plant, base, lambda other: law.torque(theta, sliding(*at, plant=other), memory)
+        )
     else:
+        of_base = np.zeros((*here.shape, len(base)))
         each = by_theta(theta, free, lambda t: law.torque(t, x, memory), gradient, 0.0 * x.w)
         of_theta = free.of_parts(each, w.shape[-1])
     entries = np.stack(of_memory, axis=-2) if memory else np.zeros((K, 0, w.shape[-1]))
-    return Slopes(here, by_q, by_w, by_u, entries, of_theta)
+    return Slopes(here, by_q, by_w, by_u, entries, of_theta, of_base)
 
 
 def difference(
@@ -249,6 +258,16 @@ def _by_theta_of_all(
         size = step[..., joint, place, None]
         rows.append(difference(function, theta, step, size)[..., None])
     return np.concatenate(rows, axis=-1)
+
+
+def _by_base(plant: Plant, base: tuple[int, ...], function: Callable[[Plant], Array]) -> Array:
+    """Slopes (K, m, nb) of a function (K, m) of a plant in some of its base parameters."""
+    out = np.zeros((*function(plant).shape, len(base)))
+    for i, k in enumerate(base):
+        size = _theta_step(plant.p[..., k : k + 1])
+        step = size * np.eye(plant.p.shape[-1])[k]
+        out[..., i] = difference(lambda p: function(replace(plant, p=p)), plant.p, step, size)
+    return out
 
 
 def _theta_step(value: Array) -> Array:

@@ -193,7 +193,7 @@ def linear(
         _onto_joints(friction.by_u, turns) - np.diag(motors),
         friction.by_memory,
         _onto_joints(friction.by_theta, turns),
-        partials.by_p[..., list(base)],
+        partials.by_p[..., list(base)] + _onto_joints(friction.by_base, turns),
         rates,
     )
 
@@ -216,8 +216,9 @@ def at_break_away(friction: Slopes, braking: Array, limit_by_theta: Array) -> Sl
     by_theta = namespace(torque).sign(braking)[..., None] * limit_by_theta
     moves = np.where(level, 0.0, 1.0)
     by_q, by_w, by_u = (by * moves for by in (friction.by_q, friction.by_w, friction.by_u))
-    by_memory = friction.by_memory * moves[..., None, :, 0]
-    return Slopes(torque, by_q, by_w, by_u, by_memory, np.where(level, by_theta, friction.by_theta))
+    by_memory, by_base = friction.by_memory * moves[..., None, :, 0], friction.by_base * moves
+    by_theta = np.where(level, by_theta, friction.by_theta)
+    return Slopes(torque, by_q, by_w, by_u, by_memory, by_theta, by_base)
 
 
 def middle(before: State, after: State, dt: Array) -> State:
