@@ -263,22 +263,25 @@ def picture() -> Any:
         for k, card in enumerate(alike):
             for j, joint in enumerate(card.joints):
                 label = card.name if len(alike) > 1 else joint.removesuffix("_joint")
-                draw(axes, card, j, COLOURS[(j + k) % len(COLOURS)], label)
+                draw(axes, card, j, j + k, label)
         units = alike[0].friction.position_units or ("rad",)
         axes.set_title(dataset, loc="left")
         axes.set_xlabel(f"velocity [{units[0]}/s]")
         axes.set_ylabel("friction [N m]" if units[0] == "rad" else "friction [N]")
         if len(alike) * len(alike[0].joints) <= 7:
-            axes.legend(fontsize=6)
+            axes.legend(fontsize=6, labelspacing=0.2, loc="upper left")
     return figure
 
 
-def draw(axes: Any, card: Machine, joint: int, colour: Any, label: str) -> None:
-    """One joint's curve and band."""
+def draw(axes: Any, card: Machine, joint: int, number: int, label: str) -> None:
+    """One joint's curve and band, dashed where there are more curves than colours."""
+    again, which = divmod(number, len(COLOURS))
+    colour, style = COLOURS[which], "--" if again else "-"
     refined = card.friction.provenance.refined
     speed = (*card.friction.provenance.speeds, 6.0)[joint if card.friction.provenance.speeds else 0]
     w = np.linspace(-speed, speed, 201)
-    axes.plot(w, card.friction.curve(w)[:, joint], color=colour, linewidth=1.2, label=label)
+    curve = card.friction.curve(w)[:, joint]
+    axes.plot(w, curve, style, color=colour, linewidth=1.2, label=label)
     if refined is not None and refined.bands is not None:
         v, middle, half = (
             np.asarray(x)[:, joint]

@@ -272,8 +272,7 @@ def _corrected(draft: Draft, verdict: Verdict, *, blind: bool) -> Draft:
     if blind:
         return draft
     if draft.guesses.hold == TORQUE_HOLD and _is_sampled(verdict):
-        evidence = (*draft.evidence, "torques are a sensor's samples, not held between them")
-        draft = replace(draft, guesses=replace(draft.guesses, hold="linear"), evidence=evidence)
+        draft = replace(draft, guesses=replace(draft.guesses, hold="linear"))
     fitting = [s for s in verdict.conventions if s.convention.kind in kinds]
     if not fitting:
         return draft

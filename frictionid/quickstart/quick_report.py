@@ -176,8 +176,8 @@ def verdict(result: Quick) -> list[str]:
         f"It {measure.words(chosen.error)} on held-out motion{median}, "
         f"{measure.size(_without(result).error)} without friction.",
     ]
-    doubts = result.refined.warnings if result.refined else ()
-    out += (words for words in doubts if words.startswith(NOT_FREE))
+    warnings = result.refined.warnings if result.refined else ()
+    out += (words for words in warnings if words.startswith(NOT_FREE))
     if result.folds < FEWEST:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen and chosen.loss is not None:

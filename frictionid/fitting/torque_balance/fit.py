@@ -64,9 +64,9 @@ def fit_torques(
     """An identifier's friction, and the calibration, that explain the torques best.
 
     Friction is fitted for the nominal calibration, then all together. Wrong inertias may lead a law
-    into a wrong valley: friction is fitted once more for the calibration found, all together
-    again, and the better of both counts. Blocks of sensors that show nothing are left out, see
-    `least_significant`.
+    into a wrong valley: friction is fitted once more for the calibration found, with the loads that
+    follow from it, all together again, and the better of both counts. Blocks of sensors that show
+    nothing are left out, see `least_significant`.
 
     use : (K,) true for the windows that may be used, all by default
 
@@ -130,12 +130,11 @@ def _best(
     """
     estimate, ended = _nominal(balance), []
     problem = TorqueProblem(balance, (), estimate, settings)
-    for start in range(_STARTS):
-        friction = _friction(identifier, balance, estimate, seed)
-        if start and is_coupled_by_load(estimate.mechanism, friction.law):
+    for _ in range(_STARTS):
+        if is_coupled_by_load(estimate.mechanism, estimate.friction.law):
             balance = balance.with_loads(np.asarray(estimate.calibration.base))
             problem = replace(problem, balance=balance)
-            friction = _friction(identifier, balance, estimate, seed)
+        friction = _friction(identifier, balance, estimate, seed)
         estimate = _with(estimate, friction, balance)
         solution = solve(_problem(problem, on_support(blocks, friction), estimate))
         estimate = solution.estimate

@@ -28,9 +28,9 @@ def friction():
 
 def test_targets_are_as_late_as_the_fit_found_them(friction):
     """As if the data set had said so."""
-    silent, told = (by_controller(RIG, {"a": LOG}, P=4.0, D=0.05, delay=s) for s in (0, RIG.delay))
-    one, other = (fid.external_torque(friction, x, quiet=x).frame for x in (silent, told))
-    pd.testing.assert_frame_equal(one, other)
+    sets = [by_controller(RIG, {"a": LOG}, P=4.0, D=0.05, delay=s) for s in (0, RIG.delay)]
+    frames = [fid.external_torque(friction, data, quiet=data).frame for data in sets]
+    pd.testing.assert_frame_equal(*frames)
 
 
 def test_a_stream_is_refused_before_it_begins(friction, tmp_path, run):
