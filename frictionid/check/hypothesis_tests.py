@@ -46,7 +46,6 @@ from .motion import (
 from .partial_regression import (
     PARAMETER_PRIOR,
     Nuisance,
-    PartialEstimate,
     nuisance_of,
     refined_delay,
 )
@@ -92,10 +91,10 @@ def delay_of(rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay | Non
     coarse = float(lags[np.argmin(_balances(inside, nominal, torque).profile(lags))])
     near = _balances(_inside(rows, abs(coarse) + COARSE), nominal, torque)
     fine = coarse + np.arange(-COARSE, COARSE + FINE / 2, FINE)
-    best, step = near.refined(float(fine[np.argmin(near.profile(fine))]))
+    best, error, left = near.refined(float(fine[np.argmin(near.profile(fine))]))
     without = float(near.profile(np.zeros(1))[0])
-    explained = 1.0 - step.left / max(without, 1e-300)
-    return Delay(best, step.error, explained)
+    explained = 1.0 - left / max(without, 1e-300)
+    return Delay(best, error, explained)
 
 
 def beside(
@@ -114,8 +113,8 @@ def beside(
     near = _inside(rows, abs(delay.seconds) + COARSE)
     if near.moving.any(1).sum() < MIN_WINDOWS:
         return delay
-    other, step = _balances(near, nominal, torque, prior).refined(delay.seconds)
-    beyond = np.sqrt(max((other - delay.seconds) ** 2 - step.error**2, 0.0))
+    other, error, _ = _balances(near, nominal, torque, prior).refined(delay.seconds)
+    beyond = np.sqrt(max((other - delay.seconds) ** 2 - error**2, 0.0))
     return delay._replace(error=float(np.hypot(delay.error, beyond)))
 
 
@@ -130,8 +129,8 @@ class _Balances(NamedTuple):
     nuisance: Nuisance
     required: Array
 
-    def refined(self, best: float) -> tuple[float, PartialEstimate]:
-        """Delay [s] by Gauss-Newton from a near one, and the last step."""
+    def refined(self, best: float) -> tuple[float, float, float]:
+        """Delay [s] by Gauss-Newton from a near one, its error, and the squares that it leaves."""
 
         def means(lags: Sequence[float]) -> Array:
             return self.rows.means(self.torque, lags)

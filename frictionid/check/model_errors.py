@@ -1,9 +1,10 @@
-"""Errors of the nominal mechanism, tested one at a time, and which of them the data single out.
+"""Errors of the nominal mechanism, and which of them the data single out.
 
 Torque gains, zeros of angles, rotors, base parameters, and friction that grows with the motor's
-torque: each is fitted alone, with the friction of each joint free. Every such suspect has rivals
-that no column describes: a disturbance, an unmodelled load, several errors at once, and the errors
-of the motion itself. A suspect is named where it leaves little, not where it removes something.
+torque: each is fitted without the others, with the friction of each joint free; zeros and gains
+also together, as two encoders mounted alike are off alike. Every such suspect has rivals that no
+column describes: a disturbance, an unmodelled load, and the errors of the motion itself. A suspect
+is named where it leaves little, not where it removes something.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,6 +42,9 @@ EXPLAINS, ERRORS = 0.3, 4.0
 SINGLED_OUT = 0.35
 # Others are named beside it that leave less than this much more than it.
 ALIKE = 1.1
+# Zeros and gains are off together where they leave this share of what each other cause does, and
+# are this many at most.
+ALL, TOGETHER, MOST = "gain of all torques", 0.8, 3
 # A misfit below this many times what errors of the motion make is theirs.
 NOISE = 1.5
 # Share of the terms that any machine's balance leaves.
@@ -58,7 +62,8 @@ class ModelError(NamedTuple):
 
     kind, words ; size and error in `unit`; share: relative to the nominal value (gain - 1, or the
     largest change of a base parameter), of a zero to `ZERO`; left: sum of squares over the one
-    without any change; left_in_row: the same in the balance of the joint that it changes most
+    without any change; left_in_row: the same in the balance of the joint that it changes most;
+    beside: words of other errors that it goes together with
     """
 
     kind: str
@@ -69,53 +74,87 @@ class ModelError(NamedTuple):
     share: float
     left: float
     left_in_row: float = 1.0
+    beside: tuple[str, ...] = ()
+
+
+class _Suspect(NamedTuple):
+    """An error to test: column (K, n) [N m per unit] of the balances, relative size of a unit."""
+
+    kind: str
+    words: str
+    column: Array
+    unit: str
+    share: float
 
 
 def model_errors(
-    measured: Measured, rows: Rows, torque: Array, fit: PartialRegression
+    measured: Measured, rows: Rows, torque: Array, fit: PartialRegression, free: float = 1.0
 ) -> tuple[ModelError, ...]:
     """All errors, the one that explains most first.
 
     rows : of unit vectors ; torque (K, n) [N m] ; fit : of these rows, with the friction of each
-    joint free
+    joint free ; free : share of the squares that free base parameters leave
     """
     target = torque - rows.required(measured.nominal)
-    without = max(float(np.sum(fit.residual(target) ** 2)), 1e-300)
-    out = []
-    for kind, words, column, unit, share in _candidates(measured, rows, torque):
-        size, error, left = fit.estimate(target, column)
-        in_row = fit.left_in_row(target, column, size) if kind in ("gain", "rotor") else 1.0
-        if kind == "gain":  # the joint feels 1 - c of what is logged
-            size, share = 1 - size, -size
-        else:
-            share *= size
-        out.append(ModelError(kind, words, size, error, unit, share, left / without, in_row))
-    return tuple(sorted((e for e in out if np.isfinite(e.error)), key=lambda e: e.left))
+    suspects = list(_suspects(measured, rows, torque))
+    each = [error for s in suspects for error in _estimated(fit, target, s)]
+    each = sorted((e for e in each if np.isfinite(e.error)), key=lambda e: e.left)
+    several = _together(fit, target, suspects)
+    if several and several[0].left <= min(SINGLED_OUT, TOGETHER * min(each[0].left, free)):
+        names = {e.words for e in several}
+        each = [*several, *(e for e in each if e.words not in names)]
+    return tuple(each)
 
 
-def _candidates(
-    measured: Measured, rows: Rows, torque: Array
-) -> Iterator[tuple[str, str, Array, str, float]]:
-    """Errors to test: kind, words, column (K, n) [N m per unit], unit, relative size of a unit."""
+def _together(
+    fit: PartialRegression, target: Array, suspects: Sequence[_Suspect]
+) -> list[ModelError]:
+    """Wrong zeros and gains, each beside the others: those that show, if several do."""
+    tested = [s for s in suspects if s.kind == "zero" or (s.kind == "gain" and s.words != ALL)]
+    while len(tested) > 1:
+        errors = list(_estimated(fit, target, *tested))
+        clear = [_clearness(e) for e in errors]
+        if min(clear) >= 1.0:
+            return errors if len(errors) <= MOST else []
+        del tested[int(np.argmin(clear))]
+    return []
+
+
+def _estimated(fit: PartialRegression, target: Array, *suspects: _Suspect) -> Iterator[ModelError]:
+    """Errors fitted together to the torques (K, n) [N m] that the mechanism does not need."""
+    estimate = fit.estimate(target, *(s.column for s in suspects))
+    left = estimate.left / max(float(np.sum(fit.residual(target) ** 2)), 1e-300)
+    sizes, errors = estimate.value.tolist(), estimate.error.tolist()
+    for s, size, error in zip(suspects, sizes, errors, strict=True):
+        in_row = fit.left_in_row(target, s.column, size) if s.kind in ("gain", "rotor") else 1.0
+        share = s.share * size
+        if s.kind == "gain":  # the joint feels 1 - c of what is logged
+            size, share = 1 - size, -share
+        beside = tuple(other.words for other in suspects if other is not s)
+        yield ModelError(s.kind, s.words, size, error, s.unit, share, left, in_row, beside)
+
+
+def _suspects(measured: Measured, rows: Rows, torque: Array) -> Iterator[_Suspect]:
     plant, mechanism, nominal = measured.plant, measured.mechanism, measured.nominal[0]
     motors = np.flatnonzero(mechanism.driven).tolist()
     if len(motors) > 1:
-        yield "gain", "gain of all torques", torque, "", 1.0
+        yield _Suspect("gain", ALL, torque, "", 1.0)
     eye = np.eye(torque.shape[1])
     for j in motors:
-        yield "gain", f"gain of torque {j + 1}", torque * eye[j], "", 1.0
+        yield _Suspect("gain", f"gain of torque {j + 1}", torque * eye[j], "", 1.0)
     growing = np.abs(torque) * rows.friction[..., 0]  # times the mean of sgn(w)
     for j in motors:
         words = f"the friction of joint {j + 1} grows with its torque"
-        yield "load", words, growing * eye[j], "", 1.0
+        yield _Suspect("load", words, growing * eye[j], "", 1.0)
     for j, slope in _zeros(measured, rows.required(measured.nominal)):
-        yield "zero", f"the zero of angle {j + 1}", slope, "rad", 1 / ZERO
+        yield _Suspect("zero", f"the zero of angle {j + 1}", slope, "rad", 1 / ZERO)
     for name, change in _rotors(plant).items():
         share = float(np.max(np.abs(change) / np.maximum(np.abs(nominal), 1e-12)))
-        yield "rotor", f"rotor inertia missing ({name})", rows.regressor @ change, "kg m^2", share
+        column = rows.regressor @ change
+        yield _Suspect("rotor", f"rotor inertia missing ({name})", column, "kg m^2", share)
     for i, (name, unit) in enumerate(zip(mechanism.base_names, mechanism.base_units, strict=True)):
         if nominal[i]:
-            yield "base", name, rows.regressor[..., i], unit, 1 / abs(float(nominal[i]))
+            yield _Suspect("base", name, rows.regressor[..., i], unit, 1 / abs(float(nominal[i])))
 
 
 def _zeros(measured: Measured, required: Array) -> Iterator[tuple[int, Array]]:
@@ -204,11 +243,12 @@ def misfit(measured: Measured, rows: Rows, torque: Array) -> Misfit:
     moving = rows.moving.sum(0) / max(int(rows.moving.sum()), 1)
     number = np.broadcast_to(rows.recording[:, None], rows.moving.shape)[rows.moving]
     share = MODEL * float(np.sqrt(left @ left / count))
+    free = _free_share(left, rows, torque, nominal, fit)
     return Misfit(
         share,
         MODEL * float(np.sqrt(np.sum(moving * noise**2))),
-        model_errors(measured, rows, torque, fit),
-        _free_share(left, rows, torque, nominal, fit),
+        model_errors(measured, rows, torque, fit, free),
+        free,
         *(_worst(measured, left, number) or ("", share)),
         _SERVO if servos_of(measured.dataset) else "",
     )
@@ -265,7 +305,8 @@ def findings_of(left: Misfit, coarse: bool = False) -> list[Finding]:
     """
     causes = _singled_out(left) or _wrong_gain(left)
     if causes:
-        return [_cause(causes, left.rival)]
+        several = [_cause([error], left.rival) for error in causes if error.beside]
+        return several or [_cause(causes, left.rival)]
     if left.share < max(NOISE * left.noise, USUAL) or not left.errors:
         return []
     suspect = _suspect(left)
@@ -312,9 +353,14 @@ def _suspect(left: Misfit) -> ModelError | None:
     best = possible[0]
     if best.kind == "gain" and not GAINS[0] < best.size < GAINS[1]:
         return None
-    if abs(best.share) < (LOADED if best.kind == "load" else LARGE):
-        return None
-    return best if abs(best.size - (best.kind == "gain")) >= ERRORS * best.error else None
+    return best if _clearness(best) >= 1.0 else None
+
+
+def _clearness(error: ModelError) -> float:
+    """How many times as large an error is as one that matters and shows."""
+    matters = LOADED if error.kind == "load" else LARGE
+    off = abs(error.size - (error.kind == "gain"))
+    return min(abs(error.share) / matters, off / max(ERRORS * error.error, 1e-300))
 
 
 def _possible(errors: Sequence[ModelError]) -> list[ModelError]:
@@ -325,6 +371,7 @@ def _cause(causes: list[ModelError], rival: str) -> Finding:
     best = causes[0]
     others = "; ".join(sentence(e.kind, {**e._asdict(), "also": ""}) for e in causes[1:3])
     tail = f" (equally likely by the data: {others})" if others else ""
+    tail = f" (beside {' and '.join(best.beside)})" if best.beside else tail
     numbers = {"size": best.size, "error": best.error, "explains": 1 - best.left}
     # load-dependent friction is no fault of the data
     level = "good" if all(e.kind == "load" for e in causes) else ""

@@ -1,8 +1,8 @@
-"""Partial regression: one suspected error at a time, beside all that may be unknown anyway.
+"""Partial regression: suspected errors, one or several, beside all that may be unknown anyway.
 
 Rows of all joints are stacked and weighted. The nuisance columns (free friction and, for some
-questions, moderate changes of the mechanism) are projected out once; a suspected error is then a
-regression on one column (Frisch-Waugh-Lovell).
+questions, moderate changes of the mechanism) are projected out once; suspected errors are then a
+regression on their columns (Frisch-Waugh-Lovell).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -22,10 +22,10 @@ MODEL = 0.02
 
 
 class PartialEstimate(NamedTuple):
-    """Size of a suspected error, its standard error, and the sum of squares that it leaves."""
+    """Sizes (P,) of suspected errors, standard errors, and the sum of squares that they leave."""
 
-    value: float
-    error: float
+    value: Array
+    error: Array
     left: float
 
 
@@ -51,18 +51,23 @@ class PartialRegression(NamedTuple):
         out -= (out @ self.Q) @ self.Q.T
         return out
 
-    def estimate(self, target: Array, column: Array) -> PartialEstimate:
-        """Least squares of `target` minus value times `column`, both (K, n) [N m]."""
-        t, c = self.residual(target), self.residual(column)
-        power = float(c @ c)
-        if power <= 1e-9 * max(float(((column * self.weight)[self.moving] ** 2).sum()), 1e-300):
-            return PartialEstimate(0.0, np.inf, float(t @ t))
-        value = float(c @ t) / power
-        left = t - value * c
-        scores = np.bincount(self.block, weights=c * left)
+    def estimate(self, target: Array, *columns: Array) -> PartialEstimate:
+        """Least squares of `target` minus values times columns, all (K, n) [N m]."""
+        t, C = self.residual(target), self.residual(np.stack(columns)).T
+        size = np.sqrt(
+            [max(float(((c * self.weight)[self.moving] ** 2).sum()), 1e-300) for c in columns]
+        )
+        C /= size
+        inverse = np.linalg.inv(C.T @ C + 1e-12 * np.eye(len(size)))
+        shown = np.diag(inverse) < 1e9  # else the nuisance, or the other columns, account for it
+        value = np.where(shown, inverse @ (C.T @ t), 0.0)
+        left = t - C @ value
+        scores = np.stack([np.bincount(self.block, weights=c * left) for c in C.T], axis=-1)
         used = len(np.unique(self.block))
-        error = np.sqrt(used / max(used - 1, 1) * (scores**2).sum()) / power
-        return PartialEstimate(value, float(error), float(left @ left))
+        error = np.sqrt(used / max(used - 1, 1) * ((scores @ inverse) ** 2).sum(0))
+        return PartialEstimate(
+            value / size, np.where(shown, error / size, np.inf), float(left @ left)
+        )
 
     def left_in_row(self, target: Array, column: Array, value: float) -> float:
         """Share of squares that `value` times a column leaves in the balance it changes most."""
@@ -135,8 +140,8 @@ def refined_delay(
     means: Callable[[Sequence[float]], Iterable[Array]],
     best: float,
     steps: tuple[float, float, int],
-) -> tuple[float, PartialEstimate]:
-    """Delay [s] of torques by Gauss-Newton from a near one, and the last step.
+) -> tuple[float, float, float]:
+    """Delay [s] of torques by Gauss-Newton from a near one, its error, and the squares it leaves.
 
     required (K, n) : what the nominal mechanism needs ; means : of the torques, (K, n) for each of
     some delays ; steps : of the derivative [s], the largest one [s], and how many
@@ -146,5 +151,5 @@ def refined_delay(
         early, middle, late = means([best - small, best, best + small])
         fit = nuisance.beside(middle)
         step = fit.estimate(middle - required, (early - late) / (2 * small))
-        best += float(np.clip(step.value, -large, large))
-    return best, step
+        best += float(np.clip(step.value[0], -large, large))
+    return best, float(step.error[0]), step.left

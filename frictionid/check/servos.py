@@ -94,8 +94,8 @@ class _Fit:
 
         best = float(lags[np.argmin([self.left(late, play) for late in lags])])
         steps = _STEP, _COARSE, 2
-        best, step = refined_delay(self.nuisance, self.required, means, best, steps)
-        return _Late(best, step.error, play, self.left(best, play))
+        best, error, _ = refined_delay(self.nuisance, self.required, means, best, steps)
+        return _Late(best, error, play, self.left(best, play))
 
     def left(self, late: float, play: float) -> float:
         """Sum of squares of the balances, of one weight for all delays."""

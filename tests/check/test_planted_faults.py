@@ -14,7 +14,7 @@ import pytest
 from fixtures import planted_faults as pool
 from fixtures.check_trials import smoothed
 
-from frictionid.check import judge
+from frictionid.check import check, judge
 from frictionid.check.motion import mapped_motion, motions_of
 from frictionid.check.sensors import unwrapped
 
@@ -110,6 +110,24 @@ def exceptions(chosen, fault, rng):
         if not named or verdict.level == "good":
             missed.append((case.name, words, [f.text for f in verdict.findings]))
     return missed, others
+
+
+@pytest.mark.parametrize("kinds", [("zero", "zero"), ("zero", "gain"), ("gain", "gain")])
+def test_two_faults_of_sensors_are_named_together_each_by_its_size(kinds):
+    """The torques of a machine, too, one of which is too large and one too small."""
+    rng, missed = np.random.default_rng(7), []
+    cases = [case for case, _ in with_motions(range(16)) if pool.joints_of(case) == 2]
+    for case in cases:
+        if kinds == ("gain", "gain") and len(pool.driven_of(case)) < 2:
+            continue
+        planted, truth = pool.two_sensors_off(case, kinds, rng)
+        verdict = check(planted)
+        together = [e for e in verdict.model_errors if e.beside]
+        off = [abs(e.size - truth.get(e.words, np.inf)) / e.error for e in together]
+        named = {e.words for e in together if any(e.words in f.text for f in verdict.findings)}
+        if named != set(truth) or max(off) > 5.0:
+            missed.append((case.name, truth, [f.text for f in verdict.findings]))
+    assert not missed
 
 
 def test_a_joint_that_hardly_moves_is_named():
