@@ -15,18 +15,24 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.data.readers.column_toml import Gears
 from frictionid.fitting.one_step.balances import Rows, balances_of
 
 from .findings import Finding, finding
+from .hypotheses import (
+    ABSOLUTE,
+    NO_TORQUE,
+    SHIFTED,
+    TORQUE_UNITS,
+    UNIT_OF_ONE,
+    Convention,
+    hypotheses,
+    of_columns,
+)
 from .motion import WIDTH, Measured, characteristic_speeds
 from .regression import unit_columns
 
-_FEW = ("flipped", "shifted")  # kinds that change some joints of an arm only
-TORQUE_UNITS = {"mN m": 1000, "N cm": 100}  # kinds of which the torques are so many times too large
+_FEW = ("flipped", "shifted", "pair", "unit_of")  # kinds that change some joints of an arm only
 _NOT = [f"not {name}" for name in TORQUE_UNITS]  # or too small
-SHIFTED, ABSOLUTE = "shifted_angle", "absolute_angle"  # what [motor] of a dataset.toml mends
-_NONE = "no_torque"  # what those are judged against
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.
 MARGIN, EXPLAINS = 1.0, np.log(0.25)
@@ -39,32 +45,12 @@ _WRONG = 0.1
 # A hypothesis that makes the mechanism's terms smaller than this share of the torque explains
 # nothing: free friction alone would take all of it.
 MATTERS = 0.3
+_MUCH = MARGIN - 2.0 * np.log(MATTERS)  # by which a unit of torques explains more than no torque
 # Samples of all maps together whose balances are made in one go.
 _SAMPLES = 500_000
 # A gear has the other sign where that leaves e^-GEAR of the squares of the joint that it changes
 # most, in this many windows at least. (A real arm of six joints: 0.53 and more.)
 GEAR, SHOWN = 0.4, 40
-
-
-class Convention(NamedTuple):
-    """A hypothesis: its kind, words for it, and the maps (n, n) that would correct the data.
-
-    zero : (n,) [rad], angles that the map of the angles leaves as they are; shift : (n,) [rad] to
-    add to the angles then
-    """
-
-    kind: str
-    words: str
-    angle: Array
-    torque: Array
-    zero: Array | float = 0.0
-    shift: Array | float = 0.0
-
-    @property
-    def offset(self) -> Array:
-        """What the map of the angles adds (n,) [rad]: q becomes A q + offset."""
-        zero = np.broadcast_to(self.zero, len(self.angle))
-        return zero - self.angle @ zero + self.shift
 
 
 class Scored(NamedTuple):
@@ -99,75 +85,6 @@ class Scored(NamedTuple):
         return max(total, MARGIN * clear / GEAR, key=abs)
 
 
-def hypotheses(
-    driven: Sequence[bool] | Array, position_units: Sequence[str], gears: Gears | None = None
-) -> Iterator[Convention]:
-    """Conventions that recordings of n joints may follow; the first is the data as given.
-
-    driven, position_units : of each joint; "rad", or "m" where it slides
-    gears : between the motors that columns are of and the joints
-    """
-    n, slides = len(driven), np.array([unit == "m" for unit in position_units])
-    eye = np.eye(n)
-    yield Convention("as_given", "as given", eye, eye)
-    yield from _signs(driven, gears)
-    swap = eye[::-1]
-    if n == 2 and len(set(slides)) == 1:
-        yield Convention("swapped_angles", "the angles of the joints are swapped", swap, eye)
-        if any(driven):
-            yield Convention("swapped_torques", "the torques of the joints are swapped", eye, swap)
-            words = "the joints are swapped, angles and torques"
-            yield Convention("swapped_joints", words, swap, swap)
-    if n > 1 and not slides.any():
-        relative = eye - np.diag(np.ones(n - 1), -1)
-        words = "angles are absolute (against the vertical), not relative"
-        yield Convention(ABSOLUTE, words, relative, eye)
-    for kind, words, unit, joints in (
-        ("millimetres", "positions are in mm, not m", 1e-3, slides),
-        ("metres", "positions are in m, not mm", 1e3, slides),
-        ("degrees", "angles are in degrees, not rad", np.pi / 180, ~slides),
-        ("radians", "angles are in rad, not degrees", 180 / np.pi, ~slides),
-    ):
-        if joints.any():
-            yield Convention(kind, words, np.diag(np.where(joints, unit, 1.0)), eye)
-    if gears is not None and not gears.angles and not np.array_equal(gears.turns, eye):
-        words = 'angles are those of the motors, not of the joints (motor.angle = "motor")'
-        yield Convention("motor_angles", words, np.linalg.inv(gears.turns), eye)
-    yield Convention(_NONE, "no torque acts", eye, 0.0 * eye)
-    for name, large in TORQUE_UNITS.items() if any(driven & ~slides) else ():
-        size = np.where(slides, 1.0, large)
-        words = f"torques are {large} times too large ({name}, not N m; or a constant of the motor)"
-        yield Convention(name, words, eye, eye / size)
-        words = f"torques are {large} times too small (N m, not {name}; or a constant of the motor)"
-        yield Convention(f"not {name}", words, eye, eye * size)
-
-
-def _signs(driven: Sequence[bool] | Array, gears: Gears | None) -> Iterator[Convention]:
-    """Wrong signs of angles, of torques, of both, and of gears."""
-    n, of_gear = len(driven), "" if gears is None else " (that of its gear, or of its column)"
-    eye = np.eye(n)
-    if sum(driven) > 1:  # those of the load, as some robots log them
-        yield Convention("flipped_torque", "all torques have the wrong sign", eye, -eye)
-    for j in range(n):
-        flip = np.diag(np.where(np.arange(n) == j, -1.0, 1.0))
-        yield Convention("flipped_angle", f"angle {j + 1} has the wrong sign", flip, eye)
-        if not driven[j]:
-            continue
-        words = f"torque {j + 1} has the wrong sign"
-        yield Convention("flipped_torque", words + of_gear, eye, flip)
-        if n > 1 and gears is not None and gears.angles:
-            C = gears.turns
-            torque = C.T @ flip @ np.linalg.inv(C.T) if gears.torques else eye
-            words = f"the gear of motor {j + 1} has the wrong sign"
-            angle = np.linalg.solve(C, flip @ C)
-            yield Convention("flipped_gear", words, angle, torque, gears.zero)
-            if np.array_equal(angle, flip) and not gears.zero[j]:
-                continue
-        if n > 1:
-            words = f"joint {j + 1} turns the other way round (sign of its gear, or of its axis)"
-            yield Convention("flipped_joint", words, flip, flip)
-
-
 def scores(measured: Measured) -> list[Scored]:
     """All conventions with their scores, the data as given first."""
     acting = measured.dataset.actuated.copy()
@@ -182,7 +99,20 @@ def scores(measured: Measured) -> list[Scored]:
     ]
     if (first.each < 2 * np.log(_WRONG)).all():
         return [first, *kept]
-    return [first, *kept, *shifted(measured, first, kept)]
+    (none,) = [s for s in others if s.convention.kind == NO_TORQUE]
+    columns = list(_of_columns(measured, first, none, acting)) if len(acting) > 2 else []
+    return [first, *kept, *shifted(measured, first, kept), *columns]
+
+
+def _of_columns(measured: Measured, first: Scored, none: Scored, acting: Array) -> Iterator[Scored]:
+    """Conventions of single columns of an arm; units only where they explain much more."""
+    wrong = np.flatnonzero((first.each > 2 * np.log(_WRONG)) | ~first.matters)
+    maps = list(of_columns(wrong.tolist(), acting))
+    for s in _all_scored(measured, [first.convention, *maps]):
+        j = int(np.argmax(np.diag(s.convention.torque) != 1.0))
+        rival = np.minimum(none.each, np.where(s.matters, np.inf, first.each))[j]
+        if s.convention.kind != UNIT_OF_ONE or rival - s.each[j] > _MUCH:
+            yield s
 
 
 def _with_torque(scored: Sequence[Scored]) -> list[Scored]:
@@ -191,12 +121,12 @@ def _with_torque(scored: Sequence[Scored]) -> list[Scored]:
     A wrong torque may be made small, or so large that friction takes it up: as large as `MATTERS`
     allows, which makes what is left a smaller share.
     """
-    (none,) = [s for s in scored if s.convention.kind == _NONE]
-    least, units = MARGIN - 2.0 * np.log(MATTERS), [*TORQUE_UNITS, *_NOT]
+    (none,) = [s for s in scored if s.convention.kind == NO_TORQUE]
+    units = [*TORQUE_UNITS, *_NOT]
     return [
         s
         for s in scored
-        if s is not none and (s.convention.kind not in units or (none.each - s.each).max() > least)
+        if s is not none and (s.convention.kind not in units or (none.each - s.each).max() > _MUCH)
     ]
 
 
@@ -363,17 +293,23 @@ def convention_findings(fitting: Sequence[Scored], first: Scored) -> Iterator[Fi
     )
 
 
-def recording_findings(measured: Measured) -> list[Finding]:
+def conventions_of_recordings(measured: Measured) -> dict[int, Finding]:
     """A finding for each recording that clearly follows another convention than the rest."""
-    every, odd = set(range(len(measured.motions))), list[Finding]()
-    for i in every:
-        first, *others = scores(measured.without(every - {i}))
-        fitting = better(others, first)
-        if fitting and first.score - fitting[0].score > MARGIN:
-            values = {"score": fitting[0].score, "given": first.score}
-            words = {
-                "recording": measured.dataset.recordings[i].name,
-                "convention": ", or ".join(s.convention.words for s in fitting),
-            }
-            odd.append(finding("convention_of_recording", values, words))
-    return odd if len(odd) < len(every) else []
+    every = set(range(len(measured.motions)))
+    each = {i: convention_of_recording(measured.without(every - {i})) for i in every}
+    odd = {i: said for i, said in each.items() if said is not None}
+    return odd if len(odd) < len(every) else {}
+
+
+def convention_of_recording(alone: Measured) -> Finding | None:
+    """A finding where one recording clearly follows another convention."""
+    first, *others = scores(alone)
+    fitting = better(others, first)
+    if not fitting or first.score - fitting[0].score <= MARGIN:
+        return None
+    words = {
+        "recording": alone.dataset.recordings[0].name,
+        "convention": ", or ".join(s.convention.words for s in fitting),
+    }
+    values = {"score": fitting[0].score, "given": first.score}
+    return finding("convention_of_recording", values, words)

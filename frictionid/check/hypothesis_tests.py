@@ -21,8 +21,8 @@ from .conventions import (
     Scored,
     better,
     convention_findings,
+    conventions_of_recordings,
     log_unexplained,
-    recording_findings,
     scored,
     scores,
 )
@@ -194,6 +194,7 @@ class HypothesisTests:
     measured, rows : corrected data and their rows ; as_given : rows of the data as given ;
     longer : rows of longer windows, None where joints reverse too often for them
     shift : [s] delay that is corrected, 0 where it is not significant
+    odd : numbers of recordings that follow another convention, or fit much worse, than the others
     """
 
     measured: Measured
@@ -206,6 +207,7 @@ class HypothesisTests:
     shift: float = 0.0
     model_errors: tuple[ModelError, ...] = ()
     findings: tuple[Finding, ...] = ()
+    odd: frozenset[int] = frozenset()
 
 
 def untested(measured: Measured) -> HypothesisTests:
@@ -249,15 +251,19 @@ def run_tests(measured: Measured) -> HypothesisTests:
         or constant_angle(left, measured)
         or findings_of(left, coarse=bool(sampling_findings(measured)))
     )
-    kinds = {*(s.convention.kind for s in fitting), *(f.kind for f in fault)}
+    kinds, odd = {*(s.convention.kind for s in fitting), *(f.kind for f in fault)}, left.odd
     if kinds & {"degrees", "radians", "unknown_cause"} and not coarse:
-        fault = recording_findings(corrected) or fault
+        differing = conventions_of_recordings(corrected)
+        fault = list(differing.values()) or fault
+        if 2 * len(differing) >= len(measured.motions):  # the angles of the others are in degrees
+            odd = frozenset(range(len(measured.motions))) - differing.keys()
     findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
     findings += [] if rotors is None else [rotors[1]]
     if not fitting:  # else the joints may be swapped
         findings += _motor_findings(measured)
     findings = findings or _unexplained_findings(rows, torque, corrected.nominal)
-    findings = _exchanged_findings(measured, conventions[0].score) or findings
+    least = min(s.score for s in (conventions[0], *fitting))
+    findings = _exchanged_findings(measured, least) or findings
     return replace(
         tests,
         measured=corrected,
@@ -269,6 +275,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
         shift=shift,
         model_errors=left.errors,
         findings=tuple(findings),
+        odd=odd,
     )
 
 

@@ -2,9 +2,8 @@
 
 Torque gains, zeros of angles, rotors, base parameters, and friction that grows with the motor's
 torque: each is fitted without the others, with the friction of each joint free; zeros and gains
-also together, as two encoders mounted alike are off alike. Every such suspect has rivals that no
-column describes: a disturbance, an unmodelled load, and the errors of the motion itself. A suspect
-is named where it leaves little, not where it removes something.
+also together. Every such suspect has rivals that no column describes: a disturbance, an unmodelled
+load, and the errors of the motion. One is named where it leaves little, not where it removes much.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,8 +16,9 @@ from frictionid.arrays import Array
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.mechanics import Plant
 
-from .conventions import Convention, rows_under
+from .conventions import rows_under
 from .findings import Finding, finding, sentence
+from .hypotheses import Convention
 from .motion import WIDTH, Measured
 from .partial_regression import MODEL, PartialRegression, partial_regression
 from .regression import unit_columns
@@ -42,8 +42,7 @@ EXPLAINS, ERRORS = 0.3, 4.0
 SINGLED_OUT = 0.35
 # Others are named beside it that leave less than this much more than it.
 ALIKE = 1.1
-# Zeros and gains are off together where they leave this share of what each other cause does, and
-# are this many at most.
+# Zeros and gains, few at once, are off together where they leave this share of any other cause's.
 ALL, TOGETHER, MOST = "gain of all torques", 0.8, 3
 # A misfit below this many times what errors of the motion make is theirs.
 NOISE = 1.5
@@ -52,8 +51,9 @@ USUAL = 0.03
 # Share of the terms that unknown friction and simple errors leave at most: beyond it, something is
 # wrong in any case (real machines: 0.03 to 0.08).
 MISFIT = 0.1
-# The same in one recording, where it is more than twice that of the others.
-LOCAL = 0.05
+# The same in one recording, whose squares are this many times those of the others; from fewer
+# times, the others are tested without it.
+LOCAL, MUCH_WORSE, WORSE = 0.05, 4.0, 2.0
 _SERVO = "; torque is computed from gains: a wrong position gain may be the cause, too"
 
 
@@ -92,8 +92,8 @@ def model_errors(
 ) -> tuple[ModelError, ...]:
     """All errors, the one that explains most first.
 
-    rows : of unit vectors ; torque (K, n) [N m] ; fit : of these rows, with the friction of each
-    joint free ; free : share of the squares that free base parameters leave
+    rows : of unit vectors ; torque (K, n) [N m] ; fit : of them, with the friction of each joint
+    free ; free : share of the squares that free base parameters leave
     """
     target = torque - rows.required(measured.nominal)
     suspects = list(_suspects(measured, rows, torque))
@@ -221,7 +221,7 @@ class Misfit(NamedTuple):
     errors : suspects, the one that leaves least first ; free : share of the squares that free base
     parameters leave ; where, there : recording that it is much worse in than in the others, and the
     share in it; "" and `share` where there is none ; rival : another cause, in words, that no
-    column tells from these
+    column tells from these ; odd : number of a recording that it is worse in, by more than noise
     """
 
     share: float
@@ -231,6 +231,7 @@ class Misfit(NamedTuple):
     where: str
     there: float
     rival: str
+    odd: frozenset[int]
 
 
 def misfit(measured: Measured, rows: Rows, torque: Array) -> Misfit:
@@ -239,31 +240,35 @@ def misfit(measured: Measured, rows: Rows, torque: Array) -> Misfit:
     fit = partial_regression(rows, torque, nominal)
     left = fit.residual(torque - rows.required(nominal))
     count = max(len(left), 1)
-    noise = fit.weight * measured.momentum_noise / WIDTH
+    each = fit.weight * measured.momentum_noise / WIDTH
     moving = rows.moving.sum(0) / max(int(rows.moving.sum()), 1)
     number = np.broadcast_to(rows.recording[:, None], rows.moving.shape)[rows.moving]
     share = MODEL * float(np.sqrt(left @ left / count))
     free = _free_share(left, rows, torque, nominal, fit)
+    noise = MODEL * float(np.sqrt(np.sum(moving * each**2)))
+    i, there, ratio = _worst(left, number, len(measured.motions))
+    much = ratio > MUCH_WORSE
     return Misfit(
         share,
-        MODEL * float(np.sqrt(np.sum(moving * noise**2))),
+        noise,
         model_errors(measured, rows, torque, fit, free),
         free,
-        *(_worst(measured, left, number) or ("", share)),
+        measured.dataset.recordings[i].name if much else "",
+        there if much else share,
         _SERVO if servos_of(measured.dataset) else "",
+        frozenset({i} if ratio > WORSE and there > NOISE * noise else ()),
     )
 
 
-def _worst(measured: Measured, left: Array, number: Array) -> tuple[str, float] | None:
-    """Recording whose residual is more than twice that of the others together, and its share."""
-    squares = np.bincount(number, left**2, len(measured.motions))
-    counts = np.bincount(number, minlength=len(measured.motions))
+def _worst(left: Array, number: Array, count: int) -> tuple[int, float, float]:
+    """Recording that leaves most, its share, and its squares over those of the others together."""
+    squares = np.bincount(number, left**2, count)
+    counts = np.bincount(number, minlength=count)
     each = squares / np.maximum(counts, 1)
     i = int(np.argmax(each))
     others = (squares.sum() - squares[i]) / max(counts.sum() - counts[i], 1)
-    if (counts > 0).sum() < 3 or not each[i] > 4.0 * others:
-        return None
-    return measured.dataset.recordings[i].name, MODEL * float(np.sqrt(each[i]))
+    ratio = each[i] / max(others, 1e-300) if (counts > 0).sum() >= 3 else 0.0
+    return i, MODEL * float(np.sqrt(each[i])), float(ratio)
 
 
 def _free_share(

@@ -11,10 +11,11 @@ from frictionid.data.recordings import Dataset
 from .conventions import Scored
 from .facts import JointFacts, joints_of
 from .findings import LEVELS, Finding
-from .hypothesis_tests import Delay, HypothesisTests, run_tests, sampling_findings, untested
+from .hypothesis_tests import Delay, HypothesisTests, sampling_findings, untested
 from .log_faults import dead_torques, in_seconds, log_findings
 from .model_errors import ModelError
 from .motion import Measured, Motion, adapted, motions_of
+from .odd_recordings import tests_of
 from .passive import energy_test, gravity_findings, gravity_shares, passive_time, rest_tests
 from .questions import Identifiable, Question, advice, identifiable, questions, still_joints
 from .regression import Estimate, Regression, regress, widened
@@ -117,7 +118,7 @@ def judge(dataset: Dataset, motions: Sequence[Motion], findings: Sequence[Findin
     of_commands = list(gravity_findings(usable, commanded))
     is_command = any(f.level == "unusable" for f in of_commands)
     usable, of_outliers = without_outliers(usable)
-    tests = untested(usable) if is_command else run_tests(usable)
+    tests = untested(usable) if is_command else tests_of(usable)
     regression, estimate = _least_squares(tests)
     sources = torque_sources(dataset, commanded)
     motion = [m.states for m in motions]

@@ -148,8 +148,8 @@ class Diagnostics:
     angle_noise, torque_noise : (n,) [rad] or [N m], noise of what is fitted, as residuals show it
     residuals : their size in the windows that count; None where torques are fitted
     windows : their number; left_out : those whose prediction jumps with their initial state (a
-        joint just misses or just reaches a stop) and so do not count; unexplained : those with
-        residuals of three times the noise and more, which count little or not at all
+        joint just misses or just reaches a standstill) and so do not count; unexplained : those
+        with residuals of three times the noise and more, which count little or not at all
     odd : recordings that are not explained as the others are
     settled : whether no parameter moved any more; iterations : how many that took
     warnings : sentences on what makes the numbers doubtful as a whole

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.check import Verdict, check
-from frictionid.check.conventions import ABSOLUTE, SHIFTED, TORQUE_UNITS, Convention
+from frictionid.check.hypotheses import ABSOLUTE, SHIFTED, TORQUE_UNITS, Convention
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_path import BAGS, TABLES, is_table
 from frictionid.data.readers.formats import ros

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.changed_data import changed
 from fixtures.dataset_files import shipped_with
 from fixtures.paths import DATA
 from fixtures.verdicts import identifiable, kinds, question
@@ -66,6 +67,29 @@ def test_torques_of_the_load_in_place_of_the_motors(tmp_path):
     table[wrist.COLUMNS[1]] *= -1.0
     first = check(wrist.dataset(single, table)).findings[0]
     assert first.kind == "flipped_torque" and "all torques have the wrong sign" in first.text
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (1, 2), (0, 2)], ids=str)
+@pytest.mark.parametrize("what", ["angles", "torques", "joints"])
+def test_columns_of_two_joints_that_are_swapped(arm, table, pair, what):
+    order = np.arange(3)
+    order[list(pair)] = order[list(reversed(pair))]
+    data = wrist.dataset(arm, table)
+    for signal in {"joints": ("angle", "torque")}.get(what, (what[:-1],)):
+        data = changed(data, signal, lambda x: x[:, order])
+    first = check(data).findings[0]
+    assert first.kind == f"pair_of_{what}"
+    assert first.text.startswith(f"{what} {pair[0] + 1} and {pair[1] + 1} are swapped:")
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2])
+@pytest.mark.parametrize("size", [1e3, 100.0, 1e-3])
+def test_the_torque_of_one_joint_in_another_unit(arm, table, joint, size):
+    factor = np.where(np.arange(3) == joint, size, 1.0)
+    verdict = check(changed(wrist.dataset(arm, table), "torque", lambda u: u * factor))
+    unit = {1e3: "in mN m, not N m", 100.0: "in N cm, not N m", 1e-3: "in N m, not mN m"}[size]
+    assert verdict.findings[0].text.startswith(f"torque {joint + 1} is {unit}:")
+    assert verdict.level == "unusable"
 
 
 @pytest.mark.parametrize("motor", [0, 1, 2])

@@ -6,7 +6,7 @@ from fixtures.cart_poles import TRUE, cart_pole, cart_pole_data
 from numpy.testing import assert_allclose
 
 from frictionid.check import check
-from frictionid.check.conventions import hypotheses
+from frictionid.check.hypotheses import hypotheses
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording, TrueMotion

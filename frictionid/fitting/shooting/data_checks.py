@@ -182,7 +182,7 @@ def _still(intervals: Intervals) -> Array:
 
 
 def angle_noise(intervals: Intervals) -> Array:
-    """Noise (n,) [rad] of the angles: what the smoother took off.
+    """Noise (n,) [rad] of the angles: what the smoother took off, or their sensor's if it is more.
 
     Where a motion is so fast that the smoother follows its noise, the third differences of angles,
     to which the motion adds.
@@ -191,7 +191,11 @@ def angle_noise(intervals: Intervals) -> Array:
     runs = intervals.dataset.recordings
     rough = np.concatenate([np.diff(r.angle.value, 3, axis=0) for r in runs])
     most = MAD * np.median(np.abs(rough), axis=0) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
-    return np.maximum(np.where(taken < _FOLLOWED * most, most, taken), intervals.rounding)
+    noise = np.maximum(np.where(taken < _FOLLOWED * most, most, taken), intervals.rounding)
+    sensor = [
+        np.median(np.atleast_2d(r.angle.sigma), axis=0) for r in runs if r.angle.sigma is not None
+    ]
+    return np.maximum(noise, np.median(sensor, axis=0)) if sensor else noise
 
 
 def warnings_of(solution: Solution) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Single windows between two iterations: which count, which go back, and where nodes move.
 
-Where a joint just misses or just reaches a stop, the prediction has a kink in the initial state,
-and steps of that window may fail again and again. It is damped, or left out, on its own.
+Where a joint just misses or just reaches a standstill, the prediction has a kink in the initial
+state, and steps of that window may fail again and again. It is damped, or left out, on its own.
 """
 
 from typing import NamedTuple

@@ -24,6 +24,7 @@ from frictionid.fitting.parameters import (
 )
 from frictionid.fitting.parameters.parameter_block import values_of
 from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.shooting.data_checks import angle_noise
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import Friction
@@ -179,6 +180,15 @@ def test_data_that_no_friction_explains_are_doubted_aloud(fault, healthy):
         warnings = " ".join(refine(BEGIN, fault(healthy), blocks, SHORT).diagnostics.warnings)
         assert "times worse than it is measured" in warnings or "as far as it may go" in warnings
         assert "`frictionid check` looks for wrong signs" in warnings
+
+
+@pytest.mark.parametrize("sigma", [0.05, 1e-9])
+def test_the_noise_of_angles_is_their_sensors_where_the_smoother_takes_off_less(sigma, healthy):
+    sensed = [
+        replace(r, angle=r.angle._replace(sigma=np.array([sigma]))) for r in healthy.recordings
+    ]
+    noise = angle_noise(intervals_of(replace(healthy, recordings=tuple(sensed))))
+    assert_allclose(noise, np.maximum(angle_noise(intervals_of(healthy)), sigma))
 
 
 def test_healthy_data_are_not_doubted(healthy):

@@ -1,0 +1,74 @@
+"""A fault of one or two recordings is named with them, and the others are judged without it.
+
+Cases: six rigs of the planted faults, five recordings of 5 s each, seed 5.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures import planted_faults as pool
+from numpy.testing import assert_allclose
+
+from frictionid.check import check
+
+
+@pytest.fixture(scope="module")
+def cases():
+    rigs, rng = pool.pool(seed=0), np.random.default_rng(5)
+    return [pool.case(rig, rng, driven=4) for rig in rigs[:6]]
+
+
+def turned(r):
+    """The zero of the first angle 5 degrees off."""
+    first = np.arange(r.angle.value.shape[1]) == 0
+    return replace(r, angle=r.angle._replace(value=r.angle.value + np.radians(5.0) * first))
+
+
+def in_degrees(r):
+    return replace(r, angle=r.angle._replace(value=np.degrees(r.angle.value)))
+
+
+def torque_times(factor):
+    return lambda r: replace(r, torque=r.torque._replace(value=factor * r.torque.value))
+
+
+def spoiled(case, fault, odd):
+    return replace(
+        case,
+        recordings=tuple(
+            fault(replace(r, name=f"r{k}")) if k in odd else replace(r, name=f"r{k}")
+            for k, r in enumerate(case.recordings)
+        ),
+    )
+
+
+@pytest.mark.parametrize("odd", [{3}, {1, 3}], ids=str)
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (turned, "the zero of angle 1 is off by +"),
+        (torque_times(0.8), ", not 1: wrong gear or torque constant"),
+        (torque_times(-1.0), "the wrong sign"),
+        (in_degrees, "angles are in degrees, not rad"),
+    ],
+)
+def test_a_fault_is_named_with_its_recordings(fault, words, odd, cases):
+    missed = []
+    for case in cases:
+        verdict = check(spoiled(case, fault, odd))
+        wrong = [f.text for f in verdict.findings if f.level != "good"]
+        named = {k for k in range(5) if any(f"in 'r{k}' " in text for text in wrong)}
+        if named != odd or not all(words in text for text in wrong):
+            missed.append((case.name, wrong))
+    assert len(missed) <= 1, missed
+
+
+def test_the_others_are_judged_without_it(cases):
+    others = [r for k, r in enumerate(spoiled(cases[0], turned, set()).recordings) if k != 3]
+    expected, verdict = (
+        check(replace(cases[0], recordings=tuple(others))),
+        check(spoiled(cases[0], turned, {3})),
+    )
+    assert_allclose(verdict.estimate.value, expected.estimate.value, rtol=1e-9)
+    assert verdict.level == "doubtful" and expected.level == "good"
