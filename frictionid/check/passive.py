@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from frictionid.arrays import Array, usual_step
 from frictionid.data.clock_facts import run_edges
@@ -18,6 +19,8 @@ from .regression import Estimate
 
 # Shortest passive phase [s]; energy may seem to rise by this share of its range in it.
 PHASE, RISE = 0.5, 0.25
+# No torque acts where its mean over this time [s] is noise, and below this share of the largest.
+MEAN, QUIET = 0.1, 0.01
 # The range of energy in it exceeds the noise this many times.
 SHOWS = 20.0
 # A rise that smoothing and masses that are a little off make.
@@ -27,23 +30,35 @@ BAND = 2.5
 FEWEST = 10  # windows at rest that a statement needs
 
 
-def passive_phases(recording: Recording, motion: Motion) -> list[slice]:
-    """Samples of the motion without torque, for at least PHASE each."""
-    level = 1e-3 * float(np.abs(recording.torque.value).max())
-    u = np.abs(sample(recording.torque, motion.states.time)).max(axis=1)
-    time = motion.states.time
+def passive_phases(recording: Recording, motion: Motion, top: float) -> list[slice]:
+    """Samples of the motion without torque but a sensor's noise, for at least PHASE each.
+
+    top : [N m] largest torque of all recordings
+    """
+    time, value = motion.states.time, recording.torque.value
+    u = np.atleast_2d(sample(recording.torque, time))
+    count = max(round(MEAN / usual_step(time)), 1)
+    noise = np.median(np.abs(np.diff(value, axis=0, prepend=value[:1])), axis=0).max()
+    level = np.clip(5.0 * noise / np.sqrt(count), 1e-3 * np.abs(value).max(), QUIET * top)
+    mean = np.abs(uniform_filter1d(u, count, axis=0)).max(axis=1)
+    quiet = (mean <= level) | (np.abs(u).max(axis=1) <= 1e-3 * np.abs(value).max())
     return [
         slice(int(a), int(b))
-        for a, b in zip(*run_edges(u <= level), strict=True)
+        for a, b in zip(*run_edges(quiet), strict=True)
         if time[b - 1] - time[a] >= PHASE
     ]
 
 
+def top_torque(measured: Measured) -> float:
+    """Largest torque of all recordings [N m]."""
+    return max(float(np.abs(r.torque.value).max()) for r in measured.dataset.recordings)
+
+
 def passive_time(measured: Measured) -> float:
     """Time [s] without torque in which something moves."""
-    total = 0.0
+    total, top = 0.0, top_torque(measured)
     for recording, motion in measured.pairs:
-        for phase in passive_phases(recording, motion):
+        for phase in passive_phases(recording, motion, top):
             moving = (np.abs(motion.states.w[phase]) > measured.speeds.threshold).any(1)
             total += float((np.gradient(motion.states.time[phase]) * moving).sum())
     return total
@@ -69,8 +84,9 @@ def energy_rises(measured: Measured) -> list[Rise]:
     out: list[Rise] = []
     if measured.mechanism.floating:
         return out
+    top = top_torque(measured)
     for p, (recording, motion) in zip(measured.nominal, measured.pairs, strict=True):
-        for phase in passive_phases(recording, motion):
+        for phase in passive_phases(recording, motion, top):
             share = energy_rise(measured.mechanism, p, motion, phase)
             if share is not None:
                 out.append(Rise(share, recording.name, float(motion.states.time[phase.start])))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures import planted_faults as pool
 from fixtures import tiny_pendulums as tiny
+from fixtures.changed_data import changed
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
@@ -297,3 +298,13 @@ def test_a_verdict_is_as_bad_as_its_worst_finding():
         assert verdict.level == max((f.level for f in some), key=LEVELS.index)
         ranks = [LEVELS.index(finding.level) for finding in verdict.findings]
         assert ranks == sorted(ranks, reverse=True)
+
+
+@pytest.mark.parametrize("noise", [1e-3, 3e-3])
+def test_a_free_decay_is_one_beside_the_noise_of_a_torque_sensor(clean, noise):
+    """Of a share of the largest torque; what is driven is none."""
+    rng, decays = np.random.default_rng(3), check(clean).passive
+    size = noise * max(np.abs(r.torque.value).max() for r in clean.recordings)
+    noisy = changed(clean, "torque", lambda u: u + size * rng.standard_normal(u.shape))
+    assert decays > 2.0
+    assert check(noisy).passive == pytest.approx(decays, rel=0.1)
