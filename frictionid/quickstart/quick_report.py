@@ -181,11 +181,13 @@ def verdict(result: Quick) -> list[str]:
     if result.folds < FEWEST:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen and chosen.loss is not None:
-        words = times(chosen.loss.factor)
+        words = f"{times(chosen.loss.factor)} times as"
+        richer = chosen.parameters > best.parameters
+        but = ", but has a parameter that these data identify" if richer else ""
         out.append(
-            f"{best.name} leaves least; {chosen.name} {words} times as much (80 %)."
+            f"{best.name} leaves least; {chosen.name} {words} much (80 %){but}."
             if measure.is_torque
-            else f"{best.name} predicts best; {chosen.name} is {words} times as far off (80 %)."
+            else f"{best.name} predicts best; {chosen.name} is {words} far off (80 %){but}."
         )
     if min(c.error for c in result.candidates) < best.error:
         out.append(

@@ -194,6 +194,20 @@ def test_the_intervals_on_the_page_hold_the_truth():
 # --- Too little motion ----------------------------------------------------------------------------
 
 
+def test_a_richer_law_is_chosen_for_a_parameter_that_shows_and_this_is_said(found):
+    result, _ = found
+    assert "but has a parameter" not in " ".join(verdict(result))
+    factor = next(c.loss for c in result.candidates if c.loss)
+    standings = {"coulomb_viscous": "best", "stribeck": "undecided"}
+    near = [
+        replace(c, standing=standings.get(c.name, "worse"), loss=factor) for c in result.candidates
+    ]
+    chosen = next(c for c in near if c.name == "stribeck")
+    words = verdict(replace(result, candidates=tuple(near), chosen=chosen))
+    assert any(w.startswith("coulomb_viscous predicts best; stribeck is ") for w in words)
+    assert any(w.endswith("but has a parameter that these data identify.") for w in words)
+
+
 def test_folds_without_motion_say_nothing(found):
     result, _ = found
     still = replace(result, folds=2, chosen=result.candidates[-1])
