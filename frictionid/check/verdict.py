@@ -11,6 +11,7 @@ from frictionid.data.recordings import Dataset
 from .conventions import Scored
 from .facts import JointFacts, joints_of
 from .findings import LEVELS, Finding
+from .friction_drift import drift_findings
 from .hypothesis_tests import Delay, HypothesisTests, sampling_findings, untested
 from .log_faults import dead_torques, in_seconds, log_findings
 from .model_errors import ModelError
@@ -192,6 +193,8 @@ def _of_tests(
     if tests.done and not tests.findings:
         passivity = [energy_test(tests.measured), *rest_tests(tests, estimate)]
         yield from (wrong for _, wrong in passivity if wrong is not None)
+    if tests.done and all(f.level == "good" for f in tests.findings):
+        yield from drift_findings(regression, estimate)
     yield from place_findings(tests, estimate)
     yield from unmeasured_findings(sources, tests, regression, estimate)
 
