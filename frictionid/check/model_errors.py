@@ -15,6 +15,7 @@ from scipy.optimize import nnls
 from frictionid.arrays import Array
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.mechanics import Plant
+from frictionid.mechanics.plant import base_by_rotors
 
 from .conventions import rows_under
 from .findings import Finding, finding, sentence
@@ -172,15 +173,9 @@ def _zeros(measured: Measured, required: Array) -> Iterator[tuple[int, Array]]:
 
 
 def _rotors(plant: Plant) -> dict[str, Array]:
-    """Change (nb,) of the base parameters by 1 kg m^2 more of each rotor, in which they are linear.
-
-    Of the first recording.
-    """
-    mechanism = plant.mechanism
+    """Change (nb,) of the base parameters by each rotor, of the first recording."""
     parameters = {name: float(value[0]) for name, value in plant.parameters.items()}
-    base = mechanism.base(parameters)
-    names = [p.name for p in mechanism.parameters if p.rotor]
-    return {n: mechanism.base({**parameters, n: parameters[n] + 1.0}) - base for n in names}
+    return base_by_rotors(plant.mechanism, parameters)
 
 
 def missing_rotors(measured: Measured, rows: Rows) -> tuple[Array, Finding] | None:

@@ -100,6 +100,18 @@ class Plant:
         return self.mechanism.load(self.parameters, q, w, u, *base)
 
 
+def base_by_rotors(mechanism: Mechanism, parameters: Mapping[str, float]) -> dict[str, Array]:
+    """Change (nb,) of the base parameters by 1 kg m^2 more of each rotor, in which they are linear.
+
+    >>> from frictionid.mechanics import pendulum
+    >>> base_by_rotors(pendulum(), {"rotor": 0.0, "gear": 10.0})
+    {'rotor': array([100.,   0.])}
+    """
+    base = mechanism.base(parameters)
+    names = [p.name for p in mechanism.parameters if p.rotor]
+    return {n: mechanism.base({**parameters, n: parameters[n] + 1.0}) - base for n in names}
+
+
 # Weights of start, midpoint and end of an interval.
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)
 

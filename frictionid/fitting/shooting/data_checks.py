@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import compress
 from math import lgamma
 
 import numpy as np
@@ -14,6 +15,7 @@ from frictionid.data.signals import holds
 from frictionid.errors import InputError
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import OddRecording
+from frictionid.mechanics.plant import base_by_rotors
 
 from ..fit import Covariance
 from ..parameters.parameter_block import Estimate, Parameter, ParameterBlock
@@ -26,6 +28,7 @@ _FOLLOWED = 0.01  # of third differences: the smoother takes off nothing
 _MORE = 8.0  # times what the smoother takes off, which is some 0.6 of the noise
 _EARLY = 0.001  # [s] that a torque acts before it was logged
 _MANY = 12  # base parameters
+_ROUNDING = 1e-9  # of what a rotor changes
 _SCALE = 10.0  # times the nominal base parameters
 
 
@@ -80,7 +83,7 @@ def telling(
     friction show, the largest moment of gravity is held.
     """
     for block in offered:
-        block = _of_rotors(block, estimate)
+        block = _of_rotors(block, estimate, bool(intervals.dataset.servos))
         for choice in (block, _held_scale(block, estimate)):
             try:
                 if choice.parameters(estimate):
@@ -92,17 +95,22 @@ def telling(
     return blocks
 
 
-def _of_rotors(block: ParameterBlock, estimate: Estimate) -> ParameterBlock:
+def _of_rotors(block: ParameterBlock, estimate: Estimate, has_servos: bool) -> ParameterBlock:
     """A block of many base parameters with those held that are no rotor's inertia.
 
     A robot's bodies are known from its description, its motors often are not; and predictions of
-    windows hardly tell so many apart.
+    windows hardly tell so many apart. Rotors that nobody has given may be part of an inertia that
+    is named after a body. With a measured torque (no servos) such inertias stay: its noise looks
+    like more of them.
     """
-    names = estimate.mechanism.base_names
+    mechanism, names = estimate.mechanism, estimate.mechanism.base_names
     if block.enters != "base" or len(names) <= _MANY:
         return block
-    rotors = {p.name for p in estimate.mechanism.parameters if p.rotor}
-    return replace(block, fixed=(*block.fixed, *(name for name in names if name not in rotors)))
+    values, free = mechanism.nominal(), set[str]()
+    for rotor, change in base_by_rotors(mechanism, values).items():
+        missing = has_servos and values[rotor] == 0
+        free |= {rotor, *compress(names, missing * np.abs(change) > _ROUNDING)}
+    return replace(block, fixed=(*block.fixed, *(name for name in names if name not in free)))
 
 
 def _held_scale(block: ParameterBlock, estimate: Estimate) -> ParameterBlock:

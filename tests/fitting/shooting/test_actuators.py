@@ -347,3 +347,49 @@ def test_windows_are_longer_where_many_are_lost():
     assert short == 3 * longer
     errors = [np.square(f.q1 - f.measured_q1).mean() for f in (x.predict(whole=True) for x in fits)]
     assert errors[0] < errors[1]
+
+
+ROTORS, LEVELS, SLOPES = (0.012, 0.015, 0.02), (0.25, 0.35, 0.45), (0.08, 0.12, 0.1)
+BODIES = (  # of a quadruped's leg: place, axis, inertial
+    ("0 0 0", "1 0 0", 'pos="-.005 .002 0" mass=".68" diaginertia=".0005 .0009 .0006"'),
+    ("0 .095 0", "0 1 0", 'pos="-.004 -.022 -.033" mass="1.15" diaginertia=".0058 .0056 .001"'),
+    ("0 0 -.213", "0 1 0", 'pos=".005 0 -.13" mass=".24" diaginertia=".0014 .0014 .00005"'),
+)
+
+
+def three_joints(true):
+    """MJCF of the leg, with rotors and friction, or without."""
+    text = ""
+    for j, (place, axis, inertial) in enumerate(BODIES):
+        more = f'armature="{ROTORS[j]}" frictionloss="{LEVELS[j]}" damping="{SLOPES[j]}"' * true
+        joint = f'<joint name="j{j}" axis="{axis}" solreffriction="0.0004 1" {more}/>'
+        text += f'<body pos="{place}">{joint}<inertial {inertial}/>'
+    option = '<option timestep="0.0002" integrator="implicitfast"/>'
+    return f"<mujoco>{option}<worldbody>{text}{'</body>' * 3}</worldbody></mujoco>"
+
+
+def test_rotors_that_a_legs_file_lacks_are_found_also_where_bodies_have_them(tmp_path):
+    """Of its 18 base parameters one alone is named after a rotor. MuJoCo moves the leg."""
+    model = mujoco.MjModel.from_xml_string(three_joints(true=True))
+    state, time = mujoco.MjData(model), np.arange(0, 8.0, 0.005)
+    middle, rates = np.array([0.0, 0.8, -1.7]), np.array([[5.0, 4.0, 6.1], [9.0, 7.3, 3.3]])
+    goals = middle + 0.4 * np.sin(time[:, None, None] * rates + [0.0, 1.0, 2.0]).sum(1)
+    state.qpos[:], angles = goals[0], []
+    for k in range(len(time)):
+        angles.append(state.qpos.copy())
+        for _ in range(25):
+            state.qfrc_applied[:] = 40.0 * (goals[max(k - 2, 0)] - state.qpos) - state.qvel
+            mujoco.mj_step(model, state)
+    noise = 2e-4 * np.random.default_rng(0).normal(size=goals.shape)
+    names = [[f"{kind}{j}" for j in range(3)] for kind in "qg"]
+    frame = pd.DataFrame(np.hstack([np.array(angles) + noise, goals]), columns=sum(names, []))
+    (tmp_path / "leg.xml").write_text(three_joints(true=False))
+    rig, actuator = fid.mechanisms.mjcf(tmp_path / "leg.xml"), {"P": 40.0, "D": 1.0}
+    actuator |= {"target": names[1], "output": "torque"}
+    columns = {"time": "t", "angle": names[0], "actuator": actuator}
+    data = fid.Dataset.from_frames({"air": frame.assign(t=time)}, rig, **columns)
+    fit = fid.fit(data, "coulomb_viscous")
+    added = fit.calibration.base - rig.nominal_base
+    np.testing.assert_allclose(added[added != 0], ROTORS, rtol=0.03)
+    np.testing.assert_allclose(fit.friction.theta, np.array([LEVELS, SLOPES]).T, rtol=0.05)
+    assert fit.calibration.target_delay == pytest.approx(0.01, abs=2e-4)
