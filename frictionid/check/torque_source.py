@@ -13,6 +13,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.plants import LINK_TORQUE, LINK_TORQUE_REMEDY
 from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.servo import BY_CONTROLLER
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import resolution
 
@@ -146,7 +147,7 @@ def _evidence(recording: Recording, j: int, share: float | None) -> Evidence | N
     if computed is not None:
         return computed
     if recording.servo is not None:
-        return "modelled", "it is computed from the targets and gains of a controller"
+        return "modelled", BY_CONTROLLER
     if share is not None:
         return "commanded", f"it equals a gravity model to {percent(share)}"
     return next(_by_noise(recording.angle, time, value, level))

@@ -13,6 +13,7 @@ from frictionid.api.machines import card_of
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.arrays import Array
 from frictionid.config import nearest, unknown
+from frictionid.data.servo import BY_CONTROLLER
 from frictionid.deploy.export import FORMATS
 from frictionid.errors import InputError
 from frictionid.files import model_path, write_bytes
@@ -168,6 +169,9 @@ def _lost(
         is_loose, friction = True, held(model) if friction is None else friction
         units = " or ".join(dict.fromkeys(model.units))
         lost = (*lost, f"backlash of {listed(model.backlash)} {units} is left: the target has none")
+    has_servo = any(BY_CONTROLLER in line for line in model.friction.provenance.torque)
+    if held is not None and model.drive is None and has_servo:
+        lost = (*lost, "gains and delay of the servo are left: name the data set (--dataset)")
     if friction is None or isinstance(model.law, CompensationLaw):
         return lost, None
     if model.data is None:

@@ -113,15 +113,6 @@ class ExportedFriction:
         return tuple("N m" if unit == "rad" else "N" for unit in self.units)
 
     @property
-    def rotor(self) -> float | None:
-        """Inertia of the one motor [kg m^2], where it is known."""
-        rotor = self.friction.parameters.get("rotor")
-        if rotor is None and self.mechanism is not None and self.data is None:
-            values = self.mechanism.nominal()
-            rotor = values.get("rotor", 0.0) * values.get("gear", 1.0) ** 2 or None
-        return None if rotor is None or len(self.joints) != 1 else float(rotor)
-
-    @property
     def back_emf(self) -> Array:
         """Damping (n,) [N m s/rad] of the joints by the back-EMF of their servos' motors."""
         damping, driven = np.zeros(self.friction.n), list(self.driven.values())

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction, Law, along, at_rest
 from frictionid.friction.laws import CoulombViscous
+from frictionid.mechanics.plant import base_by_rotors
 
 from ..compensation import listed
 from .exported import ExportedFriction, follows
@@ -160,19 +162,52 @@ _FEW = 3  # base parameters named in a sentence
 Row = tuple[str, float, float, str]  # base parameter, its value in a file and in the model, unit
 
 
-def kept_inertias(model: ExportedFriction, target: str) -> list[str]:
-    """A sentence on base parameters that the fit has otherwise than its data are described."""
+def armature(model: ExportedFriction) -> tuple[Array | None, list[str]]:
+    """Inertia (m,) of rotors [kg m^2], and base parameters that are the model's by it.
+
+    None where no rotor is known, or one turns with other joints. With data it is what the described
+    bodies lack of the model's base parameters.
+    """
+    mechanism, numbers = model.mechanism, model.friction.parameters
+    if mechanism is None:
+        known = len(model.joints) == 1 and "rotor" in numbers
+        return np.array([numbers["rotor"]]) if known else None, []
+    values = mechanism.nominal({k: numbers[k] for k in numbers if k in mechanism.defaults})
+    changes = base_by_rotors(mechanism, values)
+    if not changes:
+        return None, []
+    bodies, base = mechanism.base(values | dict.fromkeys(changes, 0.0)), model.calibration.base
+    base = mechanism.base(values) if base is None or model.data is None else base
+    columns = np.reshape([*changes.values()], (-1, len(base))).T
+    at = np.abs(columns).max(axis=1, initial=0.0) > _SAME
+    rotors = columns @ nnls(columns[at], (base - bodies)[at])[0]
+    same = np.abs(base - bodies - rotors) <= _SAME * np.abs(base)
+    A, q = mechanism.friction_map, np.zeros(mechanism.n)
+    M = mechanism.inertia(bodies + rotors, q) - mechanism.inertia(bodies, q)
+    parts, off = nnls((A[:, :, None] * A[:, None]).reshape(len(A), -1).T, M.ravel())
+    if off > _SAME * np.abs(M).max() or not parts.any():
+        return None, []
+    return parts, [] if model.data is None else list(compress(mechanism.base_names, same))
+
+
+def kept_inertias(model: ExportedFriction, target: str, carried: Sequence[str] = ()) -> list[str]:
+    """A sentence on base parameters that the fit has otherwise than its data are described.
+
+    carried : those that the target's armature makes the model's; None where it has none
+    """
     fitted = model.friction.provenance.refined
     apart: list[tuple[float, Row]] = [
         (-abs(e.value - e.nominal) / e.error, (e.name, e.nominal, e.value, e.unit))
         for e in (fitted.parameters if fitted else ())
         if e.block == "inertia" and e.nominal is not None and not e.holds(e.nominal)
+        if e.name not in (carried or ())
     ]
     rows = base_differences([row for _, row in sorted(apart)], "described")
     said = (
         f"{target} keeps its own masses and inertias, the model has others: {rows}; "
         "--to mujoco without --into writes them"
     )
+    said += ", --dataset those of rotors" * (carried is not None and model.data is None)
     return [said] if apart else []
 
 

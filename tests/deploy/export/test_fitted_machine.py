@@ -1,5 +1,6 @@
 """A fitted machine in a file: its bodies have the base parameters, and what is left is said."""
 
+import re
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -127,7 +128,26 @@ def test_the_command_shows_what_runs(fit, tmp_path, run, monkeypatch):
     assert titles == ["exporting (arm.json)"]
 
 
-@pytest.mark.parametrize("to", ["mujoco", "urdf"])
+@pytest.mark.parametrize("to", ["mujoco", "isaac"])
+def test_inertia_that_a_fit_has_more_is_armature_where_rotors_explain_it(to, data, tmp_path):
+    """The first two are parts of the inertias of bodies."""
+    arm, into = data.mechanism, tmp_path / "arm.xml"
+    into.write_text(mjcf_of(arm))
+    rotors = {"rotor_one": 0.4, "rotor_two": 0.3, "rotor_three": 0.05}
+    base = np.asarray(arm.base(arm.nominal(rotors)))
+    fitted = replace(Calibration.ideal(3), base=base)
+    model = fid.Friction(fid.CoulombViscous(), np.full((3, 2), 0.1), calibration=fitted)
+    made = writer_of(to)(exported(model, arm.joints, (), data), ExportSettings(into=into))
+    (text,) = (content.decode() for content in made.files.values())
+    if to == "mujoco":
+        assert_same(text, arm, base)
+    else:
+        armature = eval(re.search("armature=(.*),", text)[1])
+        assert armature == pytest.approx(dict(zip(arm.joints, rotors.values(), strict=True)))
+    assert made.lost == ()
+
+
+@pytest.mark.parametrize("to", ["mujoco", "urdf", "isaac"])
 def test_what_a_file_keeps_that_the_fit_has_otherwise_is_named(to, fit, described, tmp_path):
     """The mass of the last body, of which the base parameters of the second have a part."""
     into = Path(described.options["urdf"])

@@ -147,6 +147,14 @@ def test_every_card_with_a_mechanism_is_a_file_that_mujoco_reads(tmp_path):
         assert model.nv == card.mechanism.n
 
 
+def test_a_servo_that_only_the_data_know_is_named_where_they_are_not(servo, tmp_path):
+    """A fit names its data, its friction alone does not."""
+    fit = fid.fit(servo, "coulomb_viscous", method="one_step")
+    for model in (fit, fit.friction):
+        done = fid.export(model, "isaac", tmp_path / "actuators.py", replace=True)
+        assert any("gains and delay of the servo" in x for x in done.lost) == (model is not fit)
+
+
 def test_a_servo_for_isaac_has_its_gains_its_limit_and_its_delay(servo):
     friction = replace(FRICTION, calibration=calibrated(1, target_delay=0.012))
     text = isaac(exported(friction, ("hip",), (5.0,), servo), ExportSettings()).files[".py"]

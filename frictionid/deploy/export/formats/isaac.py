@@ -15,7 +15,7 @@ from frictionid.arrays import Array
 
 from ..exported import ExportedFriction, ExportSettings, Written
 from ..expressions import rendered
-from ..nearest import break_away, lost_by, nearest, whose_gains
+from ..nearest import armature, break_away, kept_inertias, lost_by, nearest, whose_gains
 
 held = nearest
 
@@ -32,8 +32,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         "dynamic_friction": level,
         "viscous_friction": viscous + model.back_emf,
     }
-    if model.rotor is not None:
-        values["armature"] = np.array([model.rotor])
+    values["armature"], carried = armature(model)
     # PhysX holds the break-away level by itself
     lost = lost_by(model, friction, "PhysX", "static, dynamic and viscous effort")
     lost = [sentence for sentence in lost if " breaks away at " not in sentence]
@@ -58,6 +57,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         for name, joints in _alike(settings.name, model, stall).items()
     }
     context = {"kind": kind, "groups": groups, "delay": delay}
+    lost += kept_inertias(model, "Isaac Lab", carried)
     code = rendered("isaac.py.j2", model, settings, context)
     return Written({".py": code}, tuple(lost), other, whose_gains(model))
 

@@ -10,7 +10,6 @@ after 1 s. Written files ask for the hardest that the time step allows: 0.0005 r
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -37,6 +36,7 @@ from ..native import (
 )
 from ..nearest import (
     Replay,
+    armature,
     base_differences,
     break_away,
     changed,
@@ -151,14 +151,16 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     if not native:
         lost = lost_by(model, friction, "MJCF", "frictionloss and damping")
     other = friction if lost else None
+    rotors = None
     if settings.into is None:
         text, where, notes, inertias = _mechanism(model)
         listed = elements(text, where)
     else:
-        where, notes, inertias = str(settings.into), [], kept_inertias(model, "MJCF")
+        rotors, carried = armature(model)
+        where, notes, inertias = str(settings.into), [], kept_inertias(model, "MJCF", carried)
         text, listed = read_xml(settings.into, "MJCF", "mujoco", "mujocoinclude")
     joints = _joints(listed, model, where)
-    changes, passive, said = _with_friction(model, friction, joints, text, listed, settings.into)
+    changes, passive, said = _with_friction(friction, joints, text, listed, rotors)
     driven, added, said_of_motors = _drives(model, text, listed)
     added += passive
     if added:
@@ -180,12 +182,11 @@ def replay(model: ExportedFriction, written: Written) -> Replay | None:
 
 
 def _with_friction(
-    model: ExportedFriction,
     friction: Friction,
     joints: list[Element],
     text: bytes,
     listed: list[Element],
-    into: Path | None,
+    rotors: Array | None,
 ) -> tuple[list[Change], list[bytes], list[str]]:
     """Joints with new attributes, passive motors that hold their bristles or cogging, and notes."""
     changes: list[Change] = []
@@ -195,17 +196,16 @@ def _with_friction(
     soft = [hard and _inherited(joint, "solreffriction", listed) is None for joint in joints]
     for j, joint in enumerate(joints):
         new = joint_values(friction, j) | ({"solreffriction": _HARD} if soft[j] else {})
-        if into is not None:
-            new |= {} if j or model.rotor is None else {"armature": repr(model.rotor)}
-            before = {name: _inherited(joint, name, listed) for name in _STATED if name in new}
-            notes += stated_before(joint.name, before, new)
+        new |= {} if rotors is None else {"armature": repr(float(rotors[j]))}
+        before = {name: _inherited(joint, name, listed) for name in _STATED if name in new}
+        notes += stated_before(joint.name, before, new)
         tag = text[joint.start : joint.end]
         changes.append((joint.start, joint.end, with_attributes(tag, new)))
         if values := passive_motor(friction, j):
             place = "joint" if joint.tag == "joint" else "tendon"
             name = {"name": f"friction of {joint.name}", place: joint.name}
             motors.append(element("dcmotor", {**name, **values}))
-    if into is not None and any(e.tag == "include" or "file" in e.attributes for e in listed):
+    if any(e.tag == "include" or "file" in e.attributes for e in listed):
         notes.append(
             "the MJCF names other files: keep it in the folder of the one that it is made from"
         )

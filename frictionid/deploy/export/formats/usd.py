@@ -22,7 +22,15 @@ from frictionid.files import read_bytes
 from frictionid.friction import Friction
 
 from ..exported import ExportedFriction, ExportSettings, Written
-from ..nearest import break_away, kept_inertias, lost_by, lost_of_motors, nearest, whose_gains
+from ..nearest import (
+    armature,
+    break_away,
+    kept_inertias,
+    lost_by,
+    lost_of_motors,
+    nearest,
+    whose_gains,
+)
 from ..xml_text import by_name, stated_before
 
 with needs("usd"):
@@ -64,8 +72,10 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     delay = 0.0 if drive is None else max(drive.delay, 0.0)
     steps = round(delay * rate)
     notes: list[str] = []
+    rotors, carried = armature(model)
     for j, joint in enumerate(_joints(stage, model, str(path))):
-        notes += _friction(model, friction, j, joint)
+        rotor = None if rotors is None else float(rotors[j])
+        notes += _friction(model, friction, j, joint, rotor)
         if drive is not None and j in model.driven.values():
             notes += _drive(joint, drive, j, steps)
     if delay:
@@ -75,7 +85,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     notes.append(f"the layer names {sublayer}: open it in place of that, and move both together")
     lost = lost_by(model, friction, "Newton", "friction and damping")
     other = friction if lost else None
-    lost += kept_inertias(model, "USD") + lost_of_motors(model, "USD", has_drives=True)
+    lost += kept_inertias(model, "USD", carried) + lost_of_motors(model, "USD", has_drives=True)
     return Written({".usda": _layer(stage, sublayer)}, tuple(lost), other, tuple(notes))
 
 
@@ -111,8 +121,10 @@ def _joints(stage: Any, model: ExportedFriction, where: str) -> Iterable[Joint]:
         yield Joint(prim, axis, effort, effort / speed, effort / speed * degree, speed)
 
 
-def _friction(model: ExportedFriction, friction: Friction, j: int, joint: Joint) -> Iterable[str]:
-    """Gives a joint friction; notes."""
+def _friction(
+    model: ExportedFriction, friction: Friction, j: int, joint: Joint, rotor: float | None
+) -> Iterable[str]:
+    """Gives a joint friction, and its rotor's inertia [kg m^2]; notes."""
     prim, axis = joint.prim, f"physxJointAxis:{joint.axis}"
     level, viscous = friction.theta[j]
     viscous = viscous + model.back_emf[j]
@@ -126,8 +138,8 @@ def _friction(model: ExportedFriction, friction: Friction, j: int, joint: Joint)
         before = prim.GetAttribute(f"physxJoint:{name}").Get()
         if before is not None and not prim.GetAttribute(f"{axis}:{name}"):
             of_axis[name] = before
-    if model.rotor is not None:
-        of_joint["armature"] = of_axis["armature"] = joint.gain * model.rotor
+    if rotor is not None:
+        of_joint["armature"] = of_axis["armature"] = joint.gain * rotor
     if prim.GetAttribute("physxJoint:jointFriction"):  # acts beside the axis'
         yield from _author(prim, "PhysxJointAPI", "physxJoint", {"jointFriction": 0.0})
     prim.AddAppliedSchema("MjcJointAPI")
