@@ -44,6 +44,8 @@ def test_a_servo_with_late_targets_and_a_limit_runs_as_ours(servo, tmp_path):
     np.testing.assert_allclose(model.actuator_forcerange[0], [0.01 - 0.4, 0.01 + 0.4])
     assert done.lost == () and done.round_trip.predictions > 5
     assert done.round_trip.mean_apart < 2e-4
+    for said in ("\n".join(done.notes), (tmp_path / "servo.xml").read_text()):
+        assert "history of controls begins at 0: start elsewhere with mj_initCtrlHistory" in said
 
 
 def test_of_several_gains_and_payloads_it_is_said_whose_are_written(tmp_path):

@@ -141,6 +141,7 @@ _HARD = "0.0001 1"  # MuJoCo takes two time steps where that is less, unless ref
 _FINE, _FINEST = 0.00025, 0.0001  # [s]: errors grow with the step, of bristles most
 _STEP = 0.002  # [s], MuJoCo's where a file names none
 _KEPT = ("name", "class", "group", "joint", "ctrllimited", "ctrlrange")  # of a motor made a servo
+_HISTORY = "history of controls begins at 0: start elsewhere with mj_initCtrlHistory"
 Change = tuple[int, int, bytes]
 
 
@@ -256,7 +257,11 @@ def _drives(
         left.append(f"actuators that are servos of the file stay as they are: {', '.join(servos)}")
     if len(servos) == len(model.driven):
         return changes, added, left
-    return changes, added, left + _said(model, delay, bool(late and (changes or added)))
+    is_late = bool(late and (changes or added))
+    if is_late:
+        end = listed[0].close
+        changes.append((end, end, f"<!-- {_HISTORY} -->\n".encode()))
+    return changes, added, left + _said(model, delay, is_late)
 
 
 def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
@@ -271,7 +276,7 @@ def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
         if model.drive is not None and np.any(model.drive.bias):
             notes.append("a dcmotor has no constant torque: the servo's bias is left out")
     if is_late:
-        notes.append(f"controls act {1e3 * delay:.3g} ms late, by their history (MuJoCo 3.5)")
+        notes.append(f"controls act {1e3 * delay:.3g} ms late (MuJoCo 3.5); {_HISTORY}")
     if delay < 0:
         notes.append(f"controls would act {-1e3 * delay:.3g} ms early: MuJoCo cannot advance them")
     if np.any(model.calibration.offset):
