@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +34,7 @@ def init(
     ----------
     tables : Tables of recordings, or their folder.
     mechanism : Kind, see: frictionid mechanisms; or a URDF, MJCF, or its folder.
-    set_ : A parameter or option of it, e.g. mass=0.3; repeatable.
+    set_ : A parameter or option of it, e.g. mass=0.3, or a servo's limit=2 [N m]; repeatable.
     kt : Torque constant of the motors [N m/A], one, or one per joint with commas.
     gear : Turns of the motor per joint's, one, or one per joint with commas.
     gains : P,D of a controller that follows targets [N m/rad, N m s/rad].
@@ -57,7 +56,8 @@ def init(
     rule = "be P and D with a comma, e.g. --gains 20,1.5"
     two = numbers("--gains", gains, rule, 2) if gains else ()
     constants = _constants("--kt", kt), _constants("--gear", gear)
-    facts = Known(columns, *constants, (two[0], two[1]) if two else None)
+    sets = dict(map(setting, set_ or []))
+    facts = Known(columns, *constants, (two[0], two[1]) if two else None, sets.pop("limit", None))
     robot = Path(mechanism)
     if robot.suffix and not robot.exists():
         raise InputError(f"--mechanism {mechanism}: no such file")
@@ -69,9 +69,9 @@ def init(
 
         if not is_quiet():
             typer.echo(f"reading {robot} and the tables, which takes seconds ...", err=True)
-        described = describe_robot(source, robot_file(robot), dict(map(setting, set_ or [])), facts)
+        described = describe_robot(source, robot_file(robot), sets, facts)
     else:
-        machine = _mechanism(mechanism, set_ or [])
+        machine = _mechanism(mechanism, sets)
         described = describe_tables(source, machine, _motor(source, machine, facts))
     _check_free(suite_file, left=described.suite_toml.encode())
     _write(source, described, json)
@@ -121,7 +121,7 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
 # --- What is not given ------------------------------------------------------------------------
 
 
-def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
+def _mechanism(kind: str, values: dict[str, Any]) -> dict[str, Any]:
     """The [mechanism] table of the options, the rest asked for."""
     from frictionid.comparison.kind_descriptions import described, mechanisms
     from frictionid.config import nearest
@@ -134,7 +134,6 @@ def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
         )
     machine = described(kinds, kind)
     options = {option.name for option in machine.settings}
-    values = dict(map(setting, settings))
     table = {"kind": kind, **{k: v for k, v in values.items() if k in options}}
     parameters = {k: v for k, v in values.items() if k not in options}
     names = [p.name for p in machine.parameters]

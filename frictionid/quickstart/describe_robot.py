@@ -102,12 +102,14 @@ def describe_robot(
     guesses = _guesses(tables, machine, columns, facts)
     filled = _with_file(facts, columns.joints)
     motor = _motor(columns, guesses, filled)
-    actuator = actuator_of(columns.target, filled.gains, _efforts(columns.joints))
+    actuator = actuator_of(columns.target, filled, _efforts(columns.joints))
     missing = tuple(_missing(machine, motor, actuator, filled))
     if not (columns.torque or actuator) and {*map(quantity_of, guesses.unused)} - {"velocity"}:
         missing += (_TORQUE,)
     missing += (_IMU,) if columns.imu else ()
     comments = _comments(file, columns, machine, facts, filled, still)
+    unknown = (key for key in motor if getattr(filled, key, 0) is None)
+    comments |= dict.fromkeys((f"motor.{key}" for key in unknown), _MISSING)
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
     name = tables.folder.resolve().name
     draft = Draft(
@@ -169,7 +171,6 @@ def _comments(
         "": "\n".join(_limits(columns.joints)),
         **{p.name: "; of the file" if p.default else "; not in it" for p in machine.parameters},
         "motor.gear": turns if filled.gear is facts.gear else f"{turns}, of the file",
-        **{f"motor.{key}": _MISSING for key in ("kt", "gear") if getattr(filled, key) is None},
         **dict.fromkeys(("actuator.P", "actuator.D"), of_file if filled.gains else _MISSING),
     }
 

@@ -50,13 +50,15 @@ class Known:
     """What is known of the tables: columns by quantity, and constants of the motors.
 
     kt : [N m/A]; gear : turns of the motor for one of the joint; one, or one per joint
-    gains : P [N m/rad] and D [N m s/rad] of a controller that follows targets
+    gains, limit : P [N m/rad], D [N m s/rad] and largest torque [N m] of a controller that follows
+        targets
     """
 
     columns: Mapping[str, Sequence[str]] = field(default_factory=dict)
     kt: Constants | None = None
     gear: Constants | None = None
     gains: tuple[Constants, Constants] | None = None
+    limit: Constants | None = None
 
     @property
     def per_joint(self) -> bool:
@@ -171,18 +173,26 @@ def targets_in(table: Table, facts: Known, joints: int) -> tuple[str, ...]:
 
 
 def actuator_of(
-    targets: Sequence[str], gains: tuple[Constants, Constants] | None, limit: Sequence[float] = ()
+    targets: Sequence[str], facts: Known, efforts: Sequence[float] = ()
 ) -> dict[str, Any]:
     """The [actuator] table of a position controller with these targets; {} without any.
 
-    gains : P and D, 1 where they are not known ; limit : largest torques
+    Unknown gains are 1. efforts : largest torques where nobody has said a limit
+
+    Raises
+    ------
+    InputError
+        For a limit without targets.
     """
-    if not targets:
-        return {}
-    P, D = gains or (1.0, 1.0)
+    limit = efforts if facts.limit is None else facts.limit
+    if not targets and facts.limit is not None:
+        raise InputError(
+            f"--set limit={limit}: no columns of targets; leave it out, or rename them"
+        )
+    P, D = facts.gains or (1.0, 1.0)
     columns = targets[0] if len(targets) == 1 else list(targets)
-    bounds = {"limit": list(limit)} if limit else {}
-    return {"target": columns, "output": "torque", "P": P, "D": D, **bounds}
+    bounds = {"limit": limit} if np.size(limit) else {}
+    return {"target": columns, "output": "torque", "P": P, "D": D, **bounds} if targets else {}
 
 
 def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> Described:
@@ -219,7 +229,7 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
     draft = Draft(
         *(name, tables.files, mechanism, guesses, machine, motor, missing_lines(missing)),
         comments=comments,
-        actuator=actuator_of(targets, facts.gains),
+        actuator=actuator_of(targets, facts),
     )
     return described_draft(draft, tables, missing, blind=GAINS in missing)
 

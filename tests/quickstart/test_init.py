@@ -156,6 +156,7 @@ arm INIT --angle state       => no column of numbers 'state'
 arm INIT --time pos_deg      => row 3: 'pos_deg' goes back
 arm INIT --angle t_ms,pos_deg => --angle names 2 columns
 arm INIT --set mas=1         => --set mas: pendulum .* mean 'mass'
+arm INIT --kt 1 --set limit=2 => --set limit=2: no columns of targets
 arm/run9.csv INIT            => arm/run9.csv: no such file
 arm/run1.csv single/run1.csv INIT => lie in 2 folders
 . INIT                       => \. has no table that ends with \.csv
@@ -205,11 +206,12 @@ def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     (tmp_path / "servo").mkdir()
     frame = pd.DataFrame({"t": TIME, "goal": Q, "pos": 0.9 * Q})
     frame.to_csv(tmp_path / "servo" / "run.csv", index=False)
-    code, out, _ = call(f"init servo {INIT} --gains 4,0.05 {MOTOR}")
+    code, out, _ = call(f"init servo {INIT} --gains 4,0.05 --set limit=2 {MOTOR}")
     assert "# MISSING: output of the controller" in out and "missing: output of" in out
     document = written(tmp_path / "servo")
     assert code == 0 and "torque" not in document["columns"] and "not used" not in out
-    assert document["actuator"] == {"target": "goal", "output": "torque", "P": 4.0, "D": 0.05}
+    gains = {"P": 4.0, "D": 0.05, "limit": 2}
+    assert document["actuator"] == {"target": "goal", "output": "torque", **gains}
     (tmp_path / "servo" / "dataset.toml").unlink()
     (tmp_path / "servo" / "suite.toml").unlink()
     out = call(f"init servo {INIT}")[1]

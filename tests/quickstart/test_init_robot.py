@@ -73,9 +73,7 @@ def call(arm, exact, tmp_path, run):
         sets = [x for name, value in known for x in ("--set", f"rotor_{name}={value}")]
         given = ("init", "log", "--mechanism", robot, *arguments)
         code, out, err = run(tmp_path, *given, *sets)
-        assert code == 0 and err == f"reading {robot} and the tables, which takes seconds ...\n", (
-            err
-        )
+        assert (code, err) == (0, f"reading {robot} and the tables, which takes seconds ...\n")
         return tomllib.loads((tmp_path / "log" / "dataset.toml").read_text()), out
 
     init.folder = tmp_path / "log"
@@ -145,6 +143,8 @@ def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
     assert "gear ratios" not in out
     np.testing.assert_allclose(document["motor"]["offset"], wrist.ZERO, atol=1e-6)
     same(call.folder, exact)
+    document, out = call(named({"q_{}": q - wrist.ZERO, "tau_{}": u}))
+    assert document["motor"]["gear"] == [1.0, 1.0, 1.0] and "MISSING" not in out
 
 
 @pytest.mark.parametrize("plugin", ["MCAP", "SQLITE3"])
