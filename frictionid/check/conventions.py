@@ -111,7 +111,8 @@ def _of_columns(measured: Measured, first: Scored, none: Scored, acting: Array) 
     for s in _all_scored(measured, [first.convention, *maps]):
         j = int(np.argmax(np.diag(s.convention.torque) != 1.0))
         rival = np.minimum(none.each, np.where(s.matters, np.inf, first.each))[j]
-        if s.convention.kind != UNIT_OF_ONE or rival - s.each[j] > _MUCH:
+        holds = s.each[j] < 2 * np.log(_WRONG) and rival - s.each[j] > _MUCH
+        if s.convention.kind != UNIT_OF_ONE or holds:
             yield s
 
 
@@ -283,11 +284,12 @@ def convention_findings(fitting: Sequence[Scored], first: Scored) -> Iterator[Fi
     zeros = ", ".join(f"{radians:.4f}" for radians in shift)
     also += ", or its ratio or coupling is wrong" if weak else ""
     straight = np.array_equal(turns, np.eye(len(turns)))
-    gear = "gear = 1" if straight else f"coupling = {turns.astype(int).tolist()}"
+    coupling = f'angle = "motor" and coupling = {turns.astype(int).tolist()}'
+    frame = "" if straight else f"write {coupling} where the columns are of the joints; "
     yield finding(
         "frame" if best.convention.kind in (SHIFTED, ABSOLUTE) else "convention",
         {"score": best.score, "given": first.score},
-        {"convention": best.convention.words, "also": also, "zeros": zeros, "gear": gear},
+        {"convention": best.convention.words, "also": also, "zeros": zeros, "frame": frame},
         level="doubtful" if weak else "",
         kind=best.convention.kind,
     )

@@ -324,12 +324,12 @@ def _with_gears(draft: Draft, best: Convention) -> dict[str, Any] | None:
     if best.kind not in (SHIFTED, ABSOLUTE):
         return None
     zero = np.broadcast_to(np.asarray(motor.get("offset", 0.0), dtype=float), n) + best.shift
-    there = {"angle": "motor", "offset": [round(float(radians), 6) for radians in zero]}
+    there = {"offset": [round(float(radians), 6) for radians in zero]}
     if np.array_equal(best.angle, np.eye(n)):
-        return {"gear": gear.tolist(), **motor, **there}
+        return {**motor, **there}
     if motor or not np.array_equal(best.torque, np.eye(n)):
         return None
-    return {"coupling": np.linalg.inv(best.angle).tolist(), **there}
+    return {"coupling": np.linalg.inv(best.angle).tolist(), "angle": "motor", **there}
 
 
 def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses | None:

@@ -154,12 +154,11 @@ def test_angles_from_upright_and_against_the_vertical_are_named_with_what_mends_
     (first,) = verdict.findings
     assert first.kind == "shifted_angle" and verdict.level == "unusable"
     assert "add +180 degrees to angle 1" in first.text
-    gear = [[1, 0], [1, 1]] if n == 2 and frame == "absolute" else 1
-    zeros = f"[{', '.join(['3.1416', '0.0000'][:n])}]"
-    assert (
-        zeros in first.remedy and f"{'coupling' if gear != 1 else 'gear'} = {gear}" in first.remedy
-    )
-    motor = {"angle": "motor", "coupling" if gear != 1 else "gear": gear, "offset": [np.pi, 0][:n]}
+    turned = n == 2 and frame == "absolute"
+    assert f"add [{', '.join(['3.1416', '0.0000'][:n])}] to offset in [motor]" in first.remedy
+    assert ("coupling = [[1, 0], [1, 1]]" in first.remedy) == turned
+    motor = {"angle": "motor", "coupling": [[1, 0], [1, 1]]} if turned else {}
+    motor |= {"offset": [np.pi, 0][:n]}
     mended = Dataset.from_frames(frames, true.mechanism, angle=names, motor=motor)
     assert not check(mended).findings
     for r, expected in zip(mended.recordings, true.recordings, strict=True):

@@ -214,7 +214,7 @@ class Gears:
     motor angle = C (joint angle - zero) and joint torque = C' motor torque
 
     turns : array, shape (n, n), C: turns of each motor for one of each joint
-    zero : array, shape (n,) [rad], joint angles at which the motors' are zero
+    zero : array, shape (n,) [rad], joint angles at which the columns are zero
     angles, torques : whether the columns of the angles, of the torques, are of the motors
     """
 
@@ -266,7 +266,7 @@ class Motor(Strict):
     gear : turns of the motor for one of the joint, negative where they turn against each other
     coupling : turns of each motor (rows) for one of each joint, where motors turn several, as at a
         wrist; in place of gear
-    offset : joint angles [rad] at which the motors' are zero: one, or one per joint
+    offset : joint angles [rad] at which the columns are zero: one, or one per joint
     angle, torque : "motor" where the columns are of the motors; currents and per mille always are
     rated_torque, rated_current : of the motor [N m], [A], where the unit of torque is "permille";
         0x6076 and 0x6075 of a CiA 402 drive, which has them in mN m and mA

@@ -312,10 +312,10 @@ class DatasetToml(Strict):
                     f'[motor] needs currents, but units.torque = "{units.torque[0]}": delete '
                     'kt, or correct the unit to "A"'
                 )
-            if motor.angle == motor.torque == "joint":
+            if motor.angle == motor.torque == "joint" and not any(motor.offset):
                 raise ValueError(
                     "[motor] changes nothing where torques and angles are those of the joints: "
-                    'delete it, or say torque = "motor" or angle = "motor" in it'
+                    'delete it, or say torque = "motor", angle = "motor" or an offset in it'
                 )
         return self
 

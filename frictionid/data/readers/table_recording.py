@@ -119,11 +119,11 @@ def _at_joints(quantity: str, signal: Signal, motor: Motor | None) -> Signal:
     if motor is None:
         return signal
     torque = quantity == "torque"
+    offset = np.array(motor.offset) if quantity == "angle" else 0.0
     if not (motor.torque_at_shaft if torque else motor.angle == "motor"):
-        return signal
+        return signal._replace(value=signal.value + offset)
     C = motor.matrix(signal.value.shape[1])
     to_joints = C if torque else np.linalg.inv(C).T
-    offset = np.array(motor.offset) if quantity == "angle" else 0.0
     sigma = signal.sigma
     if sigma is not None:
         sigma = np.sqrt(np.square(sigma) @ np.square(to_joints))
