@@ -170,8 +170,8 @@ def armature(model: ExportedFriction) -> tuple[Array | None, list[str]]:
     """
     mechanism, numbers = model.mechanism, model.friction.parameters
     if mechanism is None:
-        known = len(model.joints) == 1 and "rotor" in numbers
-        return np.array([numbers["rotor"]]) if known else None, []
+        is_single = len(model.joints) == 1 and "rotor" in numbers
+        return np.array([numbers["rotor"]]) if is_single else None, []
     values = mechanism.nominal({k: numbers[k] for k in numbers if k in mechanism.defaults})
     changes = base_by_rotors(mechanism, values)
     if not changes:
