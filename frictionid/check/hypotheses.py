@@ -13,6 +13,7 @@ TORQUE_UNITS = {"mN m": 1000, "N cm": 100}  # kinds of which the torques are so 
 SHIFTED, ABSOLUTE = "shifted_angle", "absolute_angle"  # what [motor] of a dataset.toml mends
 NO_TORQUE = "no_torque"  # what those are judged against
 UNIT_OF_ONE = "unit_of_torque"  # of a single joint's
+SIZES = ("degrees", "radians", "motor_angles")  # one recording in them may hide all others
 
 
 class Convention(NamedTuple):

@@ -27,6 +27,7 @@ from .conventions import (
     scores,
 )
 from .findings import Finding, finding
+from .hypotheses import SIZES
 from .model_errors import (
     SINGLED_OUT,
     ModelError,
@@ -251,12 +252,12 @@ def run_tests(measured: Measured) -> HypothesisTests:
         or constant_angle(left, measured)
         or findings_of(left, coarse=bool(sampling_findings(measured)))
     )
-    kinds, odd = {*(s.convention.kind for s in fitting), *(f.kind for f in fault)}, left.odd
-    if kinds & {"degrees", "radians", "unknown_cause"} and not coarse:
-        differing = conventions_of_recordings(corrected)
-        fault = list(differing.values()) or fault
-        if 2 * len(differing) >= len(measured.motions):  # the angles of the others are in degrees
-            odd = frozenset(range(len(measured.motions))) - differing.keys()
+    odd = left.odd
+    if any(f.kind == "unknown_cause" for f in fault) and not coarse:
+        fault = list(conventions_of_recordings(corrected).values()) or fault
+    if fitting and fitting[0].convention.kind in SIZES:
+        differing = frozenset(conventions_of_recordings(measured))
+        odd = differing if 2 * len(differing) < len(measured.motions) else odd
     findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
     findings += [] if rotors is None else [rotors[1]]
     if not fitting:  # else the joints may be swapped
