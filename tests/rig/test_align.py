@@ -19,6 +19,7 @@ from frictionid.data.signals import Signal, cut
 from frictionid.rig.align.align_files import load_rig, read_angles
 from frictionid.rig.align.clock import Clock, align
 from frictionid.rig.align.cross_correlation import check_spans
+from frictionid.rig.align.drifting import lost_frames
 from frictionid.rig.align.drive_response import drive_response
 from frictionid.rig.align.recording_folder import add_recording, check_place
 from frictionid.simulate import Steps
@@ -53,11 +54,27 @@ def test_offset_and_drift_come_back_from_the_motion(motion):
         assert abs(off) < 3 * found.t_quantile * found.error_at(time)
         assert found.t_quantile * found.error_at(time) < 2e-3
     assert abs(found.clock.drift - DRIFT) < 3 * found.t_quantile * found.drift_error
-    assert found.converged
+    assert found.converged and found.step is None
     assert found.coarse.unexplained < 0.05
     # a torque that comes later looks like more friction or less, and is refitted by no more
     assert 0 < abs(found.viscous_slope[0]) * 1e-3 < 0.012
     assert found.viscous[0] == pytest.approx(0.012, rel=0.2)
+
+
+@pytest.mark.parametrize(("time", "size"), [(9.0, -1 / 60), (17.0, -2 / 60), (21.0, 0.02)])
+def test_a_step_of_the_clock_is_named_and_lost_frames_are_found(motion, time, size):
+    """Constant stamps of a film that lost frames; and a torque that comes later from a time on."""
+    angle, torque = motion
+    lost = max(round(-60 * size), 0)
+    kept = (angle.time <= time) | (angle.time > time + (lost + 0.5) / 60)
+    film = Signal(angle.time[: kept.sum()], angle.value[kept])
+    late = torque.time + (size if size > 0 else 0.0) * (torque.time > time)
+    found = align(TABLE, film, logged(torque._replace(time=late)))
+    assert_allclose(np.divide(found.step, (1.0, 4e-3)), (time, -abs(size) / 4e-3), atol=0.5)
+    # the log's loss shows in no frame
+    assert (lost_frames(film, found.step) is None) == (size > 0)
+    if lost:
+        assert_allclose(lost_frames(film, found.step), (time, lost / 60), atol=1e-3)
 
 
 def test_a_motion_is_found_in_a_long_log_whatever_the_zeros_of_the_clocks(motion):
@@ -203,6 +220,9 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
         *(tmp_path / n for n in ("day.csv", "foreign.csv", "rig.toml")), hold="previous"
     )
     assert other.document["clock"] == document["clock"]
+    foreign.drop(columns="torque").to_csv(tmp_path / "foreign.csv", index=False)
+    other = fid.align(*(tmp_path / n for n in ("day.csv", "foreign.csv", "rig.toml")))
+    assert_allclose(other.torque.value, same.torque.value, atol=1e-9)  # kt gear current
     # a second recording joins; the same name only when it may replace
     assert_one_line(call(words), "has a recording 'day'")
     head = load_rig(tmp_path / "rig.toml").head("previous")
@@ -214,11 +234,26 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     assert_allclose(second.torque.time, first.torque.time, atol=1e-8)
 
 
+def test_frames_that_a_film_lost_come_back(call, motion, tmp_path):
+    angle, torque = (cut(x, 0.0, 20.0) for x in motion)
+    kept = np.arange(len(angle.time)) != 480
+    film = Signal(angle.time[:-1], angle.value[kept])
+    write_angles(tmp_path / "a.csv", film)
+    write_log(tmp_path / "log.csv", logged(torque), command=0.0)
+    code, out, err = call("align a.csv log.csv --out data")
+    assert (code, err) == (0, "")
+    assert "frames seem to be lost at 7.98 s: the clock steps by 16.7 ms" in out
+    document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
+    assert abs(document["clock"]["drift"] - DRIFT) < 1e-4 and document["warnings"]
+    time = load_dataset(tmp_path / "data").recordings[0].angle.time
+    assert_allclose(time, angle.time[kept][: len(time)], atol=1e-6)
+
+
 BAD = """
 a.csv gone.csv                      => gone.csv: no such file
 gone.csv log.csv                    => gone.csv: no such file
 log.csv log.csv                     => has no column 'q1'
-a.csv a.csv                         => has no column 'torque'
+a.csv a.csv                         => has no column 'torque', nor 'current'
 lost.csv log.csv                    => has 0 rows with all of time, q1
 epoch.csv log.csv                   => share no moment
 a.csv log.csv --rig bare.toml       => [motor] is missing
@@ -290,5 +325,5 @@ def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_p
 
 @pytest.mark.parametrize("spans", [(20.0, 30e3 * 60), (12e6, 12.0), (1e9, 1e300), (50.0, 5e4)])
 def test_spans_in_another_unit_are_named_before_they_fill_the_memory(spans):
-    with assert_refused(r"the angles span .* s and the log .*: correct the unit"):
+    with assert_refused(r"the angles span .* s and the log .*: convert the columns of time to s"):
         check_spans(*spans)

@@ -23,11 +23,13 @@ from ..logfile import ClockRuns, Log, column_names, read_log
 from ..rig_settings import RigSettings, load_rig_settings
 from .clock import Alignment, Clock, align, by_marker
 from .cross_correlation import around
+from .drifting import lost_frames
 from .drive_response import DriveResponse, drive_response
 from .sync_edges import MarkerClock, clock_from_edges, edges_of
 
 _EPOCH = 1e8  # [s]: later times count from 1970, as those of other computers do
 _MAX_DIFFERENCE = 600.0  # [s] by which the clocks of two computers may differ
+_GAPS = 5  # of lost frames, at most
 _RUNS = 0.002  # [s]: restarts joined less precisely than this are reported as too uncertain
 
 
@@ -108,6 +110,7 @@ class Aligned:
             out["viscous"] = {"estimate": a.viscous.tolist(), "per_second_of_offset": slope}
         if marker is not None:
             out["marker"] = {k: float(v) for k, v in marker._asdict().items()}
+        out["warnings"] = list(self.warnings)
         out["command"] = [_response_table(r) for r in self.responses if r is not None]
         return out
 
@@ -172,17 +175,20 @@ def align_files(
         For damaged files, and where the clocks cannot be aligned.
     """
     seen, led = read_angles(angles, rig.settings.tables.get("angles", {}), rig.mechanism.n, marker)
-    raw = read_log(log, [*rig.settings.torque_columns(), *([marker] if marker else [])])
+    raw = _with_torques(read_log(log, [marker] if marker else []), rig.settings)
     _check_spans(seen, raw)
     protocol = rig.settings.protocol
     rows, runs, uncertainty = raw.unified(protocol.wrap * UNITS["time"][protocol.unit])
     torque = _torque(rows, rig, hold)
-    edges = None
-    if led is not None:
-        camera = edges_of(led.time, led.value[:, 0], str(angles), rig.exposure)
-        drive = edges_of(rows.columns["time"], rows.columns[marker], rows.file)
-        edges = clock_from_edges(camera, drive, offset)
-    alignment = _aligned(seen, torque, rig.mechanism, edges, offset)
+    gaps: list[tuple[float, float]] = []
+    while True:
+        edges = led and _marked(led, rows, marker, rig.exposure, offset)
+        alignment = _aligned(seen, torque, rig.mechanism, edges, offset)
+        gap = lost_frames(seen, alignment.step) if alignment.step else None
+        if gap is None or len(gaps) == _GAPS:
+            break
+        gaps.append(gap)
+        seen, led = _opened(seen, *gap), led and _opened(led, *gap)
     moved = torque._replace(time=alignment.clock.to_angles(torque.time))
     angle = cut(seen, moved.time[0], moved.time[-1])
     return Aligned(
@@ -195,8 +201,54 @@ def align_files(
         marker=edges,
         responses=_responses(rows, rig, alignment.span),
         sources={p.name: sha256(read_bytes(p)) for p in (angles, log)},
-        warnings=tuple(_warnings(seen, angle, runs, uncertainty)),
+        warnings=(
+            *_step_warnings(gaps, alignment.step),
+            *_warnings(seen, angle, runs, uncertainty),
+        ),
     )
+
+
+def _with_torques(log: Log, settings: RigSettings) -> Log:
+    """The log with the torque of each motor, of a current where the log has no torque."""
+    columns = dict(log.columns)
+    for name, motor in zip(settings.torque_columns(), settings.motors, strict=True):
+        if name not in columns and motor.measured not in columns:
+            raise InputError(
+                f"{log.file} has no column {name!r}, nor {motor.measured!r} of [motor]; it has "
+                f"{', '.join(columns)}"
+            )
+        if name not in columns:
+            columns[name] = motor.per_measured * columns[motor.measured]
+    return log._replace(columns=columns)
+
+
+def _marked(
+    led: Signal, rows: Log, marker: str, exposure: float, offset: float | None
+) -> MarkerClock:
+    """Clocks by the sync LED, as the camera saw it and as the drive logged it."""
+    camera = edges_of(led.time, led.value[:, 0], "the table of angles", exposure)
+    drive = edges_of(rows.columns["time"], rows.columns[marker], rows.file)
+    return clock_from_edges(camera, drive, offset)
+
+
+def _opened(signal: Signal, time: float, gap: float) -> Signal:
+    """A signal whose samples after a time come later by a gap [s]."""
+    return signal._replace(time=signal.time + gap * (signal.time > time))
+
+
+def _step_warnings(
+    gaps: list[tuple[float, float]], step: tuple[float, float] | None
+) -> Iterator[str]:
+    for time, gap in gaps:
+        yield (
+            f"frames seem to be lost at {time:.2f} s: the clock steps by {1e3 * gap:.1f} ms, by "
+            "which later angles are moved"
+        )
+    if step is not None:
+        yield (
+            f"the clock steps by {1e3 * step[1]:.1f} ms near {step[0]:.1f} s, which no drift "
+            "describes: align the motion before and after it apart"
+        )
 
 
 def _aligned(

@@ -32,7 +32,7 @@ from frictionid.friction.laws import Stribeck
 from frictionid.mechanics import Mechanism
 
 from .cross_correlation import CoarseOffset, around, coarse_offset
-from .drifting import drifting
+from .drifting import clock_step, drifting
 
 LAW = Stribeck(symmetric=False)
 # Longer windows carry more information. Where a joint sticks and slips their prediction has kinks:
@@ -102,6 +102,7 @@ class Alignment:
     viscous : array, shape (n,), viscous friction of the fit [N m s/rad]
     viscous_slope : array, shape (n,), its change per second of offset [N m s/rad / s]
     coarse : CoarseOffset, None where a clock was given in its place
+    step : time and size [s], by the angles' clock, of a step of the torque's, or None
     converged : whether the fit converged
     marker_only : why the motion does not determine the clock, where the marker alone does; then
         `viscous` and `viscous_slope` are nan
@@ -116,6 +117,7 @@ class Alignment:
     coarse: CoarseOffset | None
     converged: bool
     marker_only: str = ""
+    step: tuple[float, float] | None = None
 
     def error_at(self, time: float) -> float:
         """Standard error [s] of the offset at a time of the log's clock."""
@@ -285,6 +287,7 @@ def _by_shooting(data: Dataset, clock: Clock, coarse: CoarseOffset | None) -> Al
         viscous_slope=slope,
         coarse=coarse,
         converged=fit.converged,
+        step=clock_step(fit),
     )
 
 

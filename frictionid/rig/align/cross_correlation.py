@@ -23,6 +23,9 @@ from frictionid.mechanics import Mechanism
 STEP = 0.01  # [s] between offsets
 LONGEST = 1e5  # [s] of motion and log: more than a day
 UNEQUAL = 500.0  # times as long as the other: in ms, where the other is in s
+_SECONDS = (
+    "convert the columns of time to s ([protocol] unit is that of the drive's lines, no log's)"
+)
 _OVERLAP, _NEARLY = 0.5, 0.9  # shares of the motion that the log must cover
 _CANDIDATES, _SEPARATION = 8, 0.1  # best offsets that are refined, [s] between them
 _NEAR = np.arange(-0.06, 0.0601, STEP)  # [s] around a candidate
@@ -83,7 +86,7 @@ def coarse_offset(
         raise InputError(_uncovered(angle.duration, torque.duration))
     refined = sorted(_refined(rows, base, angle, torque, float(p)) for p in peaks)
     best = refined[0]
-    others = [r for r in refined[1:] if abs(r[1] - best[1]) > _SEPARATION / 2]
+    others = [r for r in refined[1:] if abs(r[1] - best[1]) > _SEPARATION]
     second = others[0] if others else (1.0, float("nan"))
     out = CoarseOffset(best[1], best[0], second[::-1], float(reversed_.max()), offsets, explained)
     _check(out)
@@ -132,12 +135,12 @@ def check_spans(motion: float, log: float) -> None:
     if motion + log > LONGEST:
         raise InputError(
             f"the angles span {motion:.3g} s and the log {log:.3g} s, together more than "
-            f"{LONGEST:.0f} s: correct the unit of the time (ms, us), or cut the log to the motion"
+            f"{LONGEST:.0f} s: {_SECONDS}, or cut the log to the motion"
         )
     if max(motion, log) > UNEQUAL * max(min(motion, log), STEP):
         raise InputError(
             f"the angles span {motion:.3g} s and the log {log:.3g} s, more than {UNEQUAL:.0f} "
-            "times as long or as short: correct the unit of the time (ms, us), or cut one of them"
+            f"times as long or as short: {_SECONDS}, or cut one of them"
         )
 
 
