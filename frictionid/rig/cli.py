@@ -33,7 +33,7 @@ def track(
     video : Video, folder of pictures, or a camera's number.
     rig : Settings with markers, links and camera; written by --setup.
     out : Table of angles to write (CSV).
-    setup : Propose dots, pivot and links; write them to --rig.
+    setup : Propose dots, pivot and links; add them to --rig.
     method : study: thresholds in the whole picture, for comparison.
     overlay : Video with markers and angles drawn over it (.mp4).
     sheet : Contact sheet of it (.png).
@@ -66,20 +66,30 @@ def track(
 def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
     import tomllib
 
+    import tomli_w
+
     from frictionid.files import write_text
     from frictionid.outputs import check_outputs
 
     from .camera.marker_setup import marker_setup_text
     from .camera.propose import propose
     from .camera.source import open_source
+    from .rig_settings import rig_tables
 
-    check_outputs([rig], [Path(video)], replace=replace)
+    there = rig_tables(rig) if rig.is_file() else {}
+    taken = bool({"markers", "links"} & there.keys())
+    check_outputs([rig], [Path(video)], replace=replace or not taken)
     markers = propose(open_source(video))
     notes = [
         f"proposed from {Path(video).name}; check it with frictionid track ... --sheet",
         "give links.lengths [m] where you know them: they check the order and calibrate the view",
     ]
     text = marker_setup_text(markers, notes)
+    tables = tomllib.loads(text)
+    if taken:
+        text = tomli_w.dumps({**there, **tables})
+    elif rig.is_file():
+        text = f"{rig.read_text(encoding='utf-8')}\n{text}"
     write_text(rig, text)
     lines = []
     for marker in markers.markers:
@@ -87,7 +97,7 @@ def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
         place = f"at {marker.at[0]:.1f}, {marker.at[1]:.1f}" if marker.at else ""
         lines.append(f"{marker.name}: {place if marker.hue is None else dot}")
     lengths = ", ".join(f"{p:.1f}" for p in markers.links.pixels or ())
-    show("\n".join([*lines, f"links: {lengths} px"]), tomllib.loads(text), [rig], json=json)
+    show("\n".join([*lines, f"links: {lengths} px"]), tables, [rig], json=json)
 
 
 def render(

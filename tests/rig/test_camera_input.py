@@ -95,6 +95,14 @@ def test_setup_proposes_a_rig_that_tracks(tmp_path, run):
     assert status == 0 and "elbow" in out
     again = run(tmp_path, "track film.mov --setup")
     assert_one_line(again, "rig.toml exists: choose another name")
+    rig, drive = tmp_path / "rig.toml", "# ours\n[motor]\nkt = 0.02\n"
+    proposed = rig.read_text()
+    rig.write_text(drive)
+    assert run(tmp_path, "track film.mov --setup")[0] == 0
+    assert rig.read_text() == f"{drive}\n{proposed}"
+    rig.write_text(drive + proposed.replace("moves = false", "moves = true"))
+    assert run(tmp_path, "track film.mov --setup --replace")[0] == 0
+    assert tomllib.loads(rig.read_text()) == tomllib.loads(drive + proposed)
     status, *_ = run(tmp_path, "track film.mov --out a.csv")
     assert status == 0
 
