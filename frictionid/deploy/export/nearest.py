@@ -234,7 +234,10 @@ def lost_of_motors(model: ExportedFriction, target: str, *, has_drives: bool) ->
     return [f"{target} holds no {name} of the motors: it is left" for name in left if left[name]]
 
 
-TABLE_USE = "interpolate torque over velocity, joint by joint; add it to the motor torque"
+TABLE_USE = (
+    "interpolate torque over velocity, joint by joint; add it to the motor torque (a joint without "
+    "motor needs none)"
+)
 
 
 def lost_in_table(model: ExportedFriction, off: float) -> tuple[str, ...]:

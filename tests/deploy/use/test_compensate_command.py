@@ -26,7 +26,7 @@ def call(run, tmp_path):
 
 def test_a_table(call, tmp_path):
     code, out, _ = call(f"--out table.csv {SETTINGS}")
-    assert code == 0 and "table.csv" in out and "add it to the motor torque" in out
+    assert code == 0 and "table.csv" in out and "add it to the motor torque (a joint without" in out
     said = float(re.search(r"at most ([\d.e-]+) off", out)[1])
     assert said < 0.005
     rows = list(csv.DictReader((tmp_path / "table.csv").read_text().splitlines()))
