@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from frictionid.errors import InputError
+
 # An array of NumPy. Where a tensor of torch may stand in its place, the namespace is found from the
 # arguments, never chosen by the code.
 Array = NDArray[Any]
@@ -88,6 +90,20 @@ def like(values: Any, array: Array) -> Array:
         return np.asarray(values, dtype=array.dtype)
     tensor: Array = namespace(array).asarray(values, dtype=array.dtype, device=array.device)
     return tensor
+
+
+def numbers_like(values: Any, array: Array, where: str) -> Array:
+    """What a user gave, like another array; `where` names it.
+
+    Raises
+    ------
+    InputError
+        For what is no number.
+    """
+    try:
+        return like(values, array)
+    except (TypeError, ValueError):
+        raise InputError(f"{where} = {values!r:.60} must be numbers") from None
 
 
 def plain(array: Array) -> Any:

@@ -21,6 +21,7 @@ from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.comparison.tuning import Study, study_specs
 from frictionid.comparison.tuning import tune as search
 from frictionid.comparison.tuning_task import tuning_tasks
+from frictionid.errors import InputError
 from frictionid.files import suite_path
 from frictionid.outputs import check_unchanged, check_writable
 from frictionid.report import build
@@ -87,6 +88,8 @@ def open_suite(
     InputError
         For unknown names and keys, or a folder that cannot be written.
     """
+    if not isinstance(suite, str | Path):
+        raise InputError(f"a suite is a file or a name, not a {type(suite).__name__}: see compare")
     path = suite_path(Path(suite))
     table = suites.load_suite(path)
     folder = Path("report") / f"{table.name}{ending}" if out is None else Path(out)

@@ -106,11 +106,11 @@ class FrameColumns:
             "columns": {
                 "time": time,
                 **{key: names for key, names in named.items() if names},
-                "covariates": dict(self.covariates or {}),
+                "covariates": _plain(self.covariates or {}),
                 "missing": self.missing,
             },
             "units": _units(self.units),
-            "signs": {key: _listed(value) for key, value in (self.signs or {}).items()},
+            "signs": {k: _listed(v) for k, v in by_name(self.signs or {}, "signs").items()},
             "sigma": {key: _listed(value) for key, value in noise.items() if value is not None},
             "hold": {} if self.hold is None else {"torque": self.hold},
             "torque": {"at": self.torque_at},
@@ -123,6 +123,13 @@ def _names(names: Names) -> list[str]:
     """Names of columns, "" where there is none."""
     listed = list(names) if isinstance(names, Sequence) and not isinstance(names, str) else [names]
     return [] if listed == [None] else ["" if name is None else str(name) for name in listed]
+
+
+def by_name(value: Any, what: str) -> Mapping[str, Any]:
+    """The value, which must be a mapping; `what` names it."""
+    if not isinstance(value, Mapping):
+        raise InputError(f"{what}: must be a dict by names, not a {type(value).__name__}")
+    return value
 
 
 def _listed(value: Any) -> list[Any]:
@@ -218,7 +225,7 @@ def columns_of_arrays(
     import pandas as pd  # half a second, which reading files does not need
 
     where = f"recording {name!r}"
-    for key in arrays:
+    for key in by_name(arrays, where):
         if key not in _KEYS:
             raise InputError(f"{where}: array {key!r} is unknown; {nearest(key, _KEYS)}")
     parts = {key: _matrix(a, f"{where}, {key}") for key, a in arrays.items() if a is not None}

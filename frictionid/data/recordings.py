@@ -17,6 +17,7 @@ from .frames import (
     Names,
     Numbers,
     Units,
+    by_name,
     check_columns,
     columns_of_arrays,
     read_frames,
@@ -262,7 +263,7 @@ class Dataset:
         Dataset('data': 1 recording, 1 joint, 1 s)
         """
         parts = []
-        for key, signals in arrays.items():
+        for key, signals in by_name(arrays, "arrays of recordings").items():
             frame, columns = columns_of_arrays(signals, str(key))
             toml = replace(columns, units=units, hold=hold, sigma=sigma).toml()
             parts.append((toml, {key: frame}))
@@ -292,7 +293,7 @@ def _of_frames(
 ) -> Dataset:
     """Data set of frames, each with what its columns are."""
     machine, reads = as_mechanism(mechanism), dict[str, tuple[Recording, str]]()
-    for key, values in parameters.items():
+    for key, values in by_name(parameters, "parameters").items():
         try:
             machine.check_values(values)
         except InputError as error:

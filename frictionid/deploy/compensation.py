@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from frictionid.arrays import Array, namespace
+from frictionid.arrays import Array, namespace, numbers_like, plain
 from frictionid.config import NotNegative, Positive, validated
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory
@@ -23,7 +23,7 @@ def friction_in(model: Any) -> Friction:
     Raises
     ------
     InputError
-        For anything else, and for friction that depends on the temperature.
+        For anything else, parameters that are NaN, and friction that depends on the temperature.
     """
     friction = getattr(model, "friction", model)
     if not isinstance(friction, Friction):
@@ -31,8 +31,33 @@ def friction_in(model: Any) -> Friction:
             f"a friction must be a Friction or a Fit, not {model!r:.60}: "
             'fid.load_model("model.json") reads a file'
         )
+    if np.isnan(plain(friction.theta)).any():
+        raise InputError("a friction has parameters that are nan: give numbers, or fit again")
     refuse_temperature(friction.law, "a simulator or controller")
     return friction
+
+
+def check_step(dt: Any, where: str) -> None:
+    """Refuse a time of one step that is no positive number of seconds."""
+    if not (isinstance(dt, int | float) and 0 < dt < np.inf):
+        raise InputError(f"{where}: dt = {dt!r} s must be a positive time of one step")
+
+
+def per_joint(x: Any, n: int, theta: Array, where: str) -> Array:
+    """Numbers (..., n) as an array like theta; `where` names the function and the argument.
+
+    Raises
+    ------
+    InputError
+        For another number of joints, or what is no number.
+    """
+    out = numbers_like(x, theta, where)
+    if out.ndim == 0 or out.shape[-1] != n:
+        raise InputError(
+            f"{where} has shape {tuple(out.shape)}; its last axis must have one number for each of "
+            f"{n} joints"
+        )
+    return out
 
 
 _MOVING = 1e-6  # [rad/s]: the level at rest is that of the slowest motion
@@ -206,10 +231,21 @@ def feed_forward(
     >>> feed_forward(friction, Compensation(gain=1.0, ahead=0.005), 0.01, w, a).ravel().round(3)
     array([0. , 0.1, 0.1])
     """
-    v = w if a is None else w + settings.ahead * a
-    x = Inputs(*(0.0 * v if column is None else column for column in (q, v, u, load)))
-    nodes = Nodes(x, dt * np.arange(len(v)), np.array([0, len(v)]), newest=True)
-    return along(compensating(friction, settings), nodes)
+    compensation = compensating(friction, settings)
+    check_step(dt, "feed_forward")
+    named = {"w": w, "a": a, "q": q, "u": u, "load": load}
+    columns = {
+        key: per_joint(x, compensation.n, compensation.theta, f"feed_forward: {key}")
+        for key, x in named.items()
+        if x is not None
+    }
+    for key, x in columns.items():
+        if x.shape != columns["w"].shape or x.ndim != 2 or not np.isfinite(plain(x)).all():
+            raise InputError(f"feed_forward: {key} must be finite numbers (T, n), and as many as w")
+    v = columns["w"] + settings.ahead * columns.get("a", 0.0)
+    inputs = Inputs(*({**columns, "w": v}.get(key, 0.0 * v) for key in ("q", "w", "u", "load")))
+    nodes = Nodes(inputs, dt * np.arange(len(v)), np.array([0, len(v)]), newest=True)
+    return along(compensation, nodes)
 
 
 def compensation_table(

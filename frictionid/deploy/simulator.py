@@ -16,7 +16,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism, Plant, unit_inertia
 
-from .compensation import friction_in
+from .compensation import check_step, friction_in, per_joint
 
 _SAME = 1e-3  # of a time
 
@@ -65,8 +65,7 @@ class Simulator:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "friction", friction_in(self.friction))
-        if not (isinstance(self.dt, int | float) and 0 < self.dt < np.inf):
-            raise InputError(f"Simulator: dt = {self.dt!r} s must be a positive time of one step")
+        check_step(self.dt, "Simulator")
         sample = self.friction.law.sample_time
         if sample is not None and abs(self.dt - sample) > _SAME * sample:
             raise InputError(
@@ -171,14 +170,5 @@ class Simulator:
 
     def _joints(self, name: str, x: Any) -> Array:
         """An argument (..., n)."""
-        n = self.n
-        try:
-            out = self._array(np.zeros(n) if x is None else x)
-        except (TypeError, ValueError):
-            raise InputError(f"Simulator: {name} = {x!r:.60} must be numbers") from None
-        if out.ndim == 0 or out.shape[-1] != n:
-            raise InputError(
-                f"Simulator: {name} has shape {tuple(out.shape)}; its last axis must have one "
-                f"number for each of {n} joints"
-            )
-        return out
+        x = np.zeros(self.n) if x is None else x
+        return per_joint(x, self.n, self.friction.theta, f"Simulator: {name}")

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, like, namespace, plain
+from frictionid.arrays import Array, like, namespace, numbers_like, plain
 from frictionid.data.calibration import Calibration
+from frictionid.errors import InputError
 from frictionid.programs.loops import compiled
 
 from .constraints import Constraints, present
@@ -80,18 +81,16 @@ class Friction:
     `parameters` are mechanism parameters that belong to this friction (published models bring their
     own inertias); empty where those of the data set hold. `mechanism` is "unit" where there is no
     other physics than this friction's, a negative acceleration. `provenance` says where it is from.
-    `position_units` has "m" for prismatic joints, whose friction is a force, see `units_of`; all
-    are "rad" where it is empty.
-    `calibration` holds base parameters and sensor corrections, with the batch axes of theta.
+    `position_units` has "m" for prismatic joints, whose friction is a force, see `units_of`; none:
+    all "rad". `calibration` has base parameters and sensor corrections, in the batch axes of theta.
     `load_unit` is that of the loads that load-dependent laws follow: "N" of forces in bearings,
     "N m" of torques of gears, see `Mechanism.load`.
     `constraints` are the bounds and priors under which theta was fitted, with its shape.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from frictionid.friction.laws import CoulombViscous
-    >>> tf = Friction(CoulombViscous(), np.array([[0.1, 0.02], [0.05, 0.0]]))
+    >>> tf = Friction(CoulombViscous(), [[0.1, 0.02], [0.05, 0.0]])
     >>> print(tf)
     CoulombViscous(width=0.02, shape='tanh', symmetric=True)
       joint 1  coulomb 0.1 N m, viscous 0.02 N m s/rad
@@ -112,22 +111,23 @@ class Friction:
     load_unit: str = "N"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.law, Law):
+            raise InputError(f"a friction needs a law, such as Stribeck(), not {self.law!r:.60}")
+        if not hasattr(self.theta, "ndim"):
+            object.__setattr__(self, "theta", numbers_like(self.theta, np.zeros(0), "theta"))
         if not isinstance(self.provenance, Provenance):
             source = read_provenance(self.provenance, np.shape(self.theta))
             object.__setattr__(self, "provenance", source)
         P = len(self.law.names)
         if self.theta.ndim < 2 or self.theta.shape[-1] != P:
-            raise ValueError(
+            raise InputError(
                 f"theta must have shape (..., joints, {P}) for the parameters "
                 f"{', '.join(self.law.names)}; got {tuple(self.theta.shape)}"
             )
         if self.mechanism not in ("", "unit"):
             raise ValueError(f'mechanism = {self.mechanism!r} must be "unit", or be left out')
         if len(self.position_units) not in (0, self.n):
-            raise ValueError(
-                f"position_units = {self.position_units!r} must have one entry for each of "
-                f"{self.n} joints"
-            )
+            raise ValueError(f"position_units = {self.position_units!r}: give {self.n} units")
 
     def __getitem__(self, index: Any) -> "Friction":
         """Friction at an index into the batch axes of theta: `friction[fold]`."""
@@ -156,6 +156,8 @@ class Friction:
 
     def torque(self, x: Inputs, memory: Memory = ()) -> Array:
         """Friction torque at inputs whose batch axes broadcast against theta's, (..., n) [N m]."""
+        if not isinstance(x, Inputs):
+            raise InputError(f"torque takes Inputs, not {x!r:.60}; curve takes velocities")
         return self.law.torque(self.theta, x, memory)
 
     def at_temperature(self, temperature: Array | float | None) -> "Friction":

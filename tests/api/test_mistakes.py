@@ -11,7 +11,11 @@ import frictionid as fid
 @pytest.fixture(scope="module")
 def names():
     """What the lines of the table may name."""
-    return {"fid": fid, "data": arm(), "frames": frames(), "SAID": SAID}
+    law = fid.Friction(fid.CoulombViscous(), [[0.1, 0.01]])
+    return {
+        **{"fid": fid, "data": arm(), "frames": frames(), "SAID": SAID},
+        **{"LAW": law, "SET": fid.Compensation()},
+    }
 
 
 MISTAKES = r"""
@@ -48,6 +52,27 @@ fid.Dataset.from_frames(frames, data.mechanism, **SAID, parameters={"run1": {"ma
 fid.Dataset.from_frames(frames, data.mechanism, **SAID, parameters={"run1": {"maas": 0.1}})
     => recording 'run1': .* did you mean 'mass'
 fid.Dataset.from_frames(frames, "pendulum", **SAID) => mechanism
+fid.Dataset.from_frames(frames, data.mechanism, **SAID, covariates="temp")
+    => columns.covariates: it should be a valid dictionary, not 'temp'
+fid.Dataset.from_frames(frames, data.mechanism, **SAID, signs="angle") => signs: must be a dict
+fid.Dataset.from_frames(frames, data.mechanism, **SAID, parameters=1) => parameters: must be a dict
+fid.Dataset.from_arrays({"time": [0.0, 1.0], "angle": [0.0, 1.0]}, data.mechanism)
+    => recording 'time': must be a dict by names, not a list
+fid.Dataset.from_arrays([1.0], data.mechanism) => must be a dict by names, not a list
+fid.tune(data) => a suite is a file or a name, not a Dataset
+fid.run_suite(data) => a suite is a file or a name, not a Dataset
+fid.Friction(fid.CoulombViscous, [[0.1, 0.01]]) => needs a law, such as Stribeck\(\)
+fid.Friction(fid.CoulombViscous(), [[0.1, "a"]]) => must be numbers
+fid.Friction(fid.CoulombViscous(), [0.1, 0.01]) => theta must have shape
+LAW.torque([0.5]) => torque takes Inputs
+fid.feed_forward(LAW, SET, 0.0, [[1.0]]) => dt = 0.0 s must be a positive time
+fid.feed_forward(LAW, SET, 0.1, [[1.0, 2.0]]) => w has shape \(1, 2\); its last axis
+fid.feed_forward(LAW, SET, 0.1, [1.0]) => w must be finite numbers \(T, n\)
+fid.feed_forward(LAW, SET, 0.1, [["a"]]) => must be numbers
+fid.feed_forward(LAW, SET, 0.1, [[float("nan")]]) => w must be finite numbers
+fid.feed_forward(LAW, SET, 0.1, [[1.0]], [[0.0], [0.0]]) => a must be finite .* as many as w
+fid.feed_forward(fid.Friction(fid.CoulombViscous(), [[float("nan"), 0.0]]), SET, 0.1, [[1.0]])
+    => parameters that are nan
 """
 
 

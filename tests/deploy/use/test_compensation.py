@@ -121,6 +121,15 @@ def test_code_that_takes_the_motor_torque_says_what_that_is():
         assert any(line.startswith("u is the motor torque") for line in facts) == said
 
 
+def test_lists_are_arrays():
+    theta, w, a = [[0.1, 0.02]], [[0], [1], [2]], [[0], [5], [5]]
+    lists, arrays = (
+        feed_forward(Friction(CoulombViscous(), f(theta)), Compensation(ahead=0.1), 0.1, f(w), f(a))
+        for f in (list, np.array)
+    )
+    np.testing.assert_array_equal(lists, arrays)
+
+
 def assert_holds(table, compensation, most):
     """For who interpolates it, as near as it says."""
     said = table_error(compensation, table)
