@@ -10,11 +10,11 @@ from frictionid.check import check
 from frictionid.simulate import Camera, Multisine, Rig, Run, simulate
 
 MACHINE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
-CAMERA = Camera(480, 60.0, 5e-4)
+CAMERA = Camera(360, 60.0, 5e-4)
 
 
 def recordings(levels):
-    """One recording of 8 s with each Coulomb level [N m]."""
+    """One recording of 6 s with each Coulomb level [N m]."""
     out = []
     for k, level in enumerate(levels):
         runs = (Run(f"r{k}", (0.2 * k,), torques=(Multisine(1.2, (0.4 + 0.05 * k, 0.9, 1.6)),)),)

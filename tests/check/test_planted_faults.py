@@ -116,7 +116,7 @@ def exceptions(chosen, fault, rng):
 def test_two_faults_of_sensors_are_named_together_each_by_its_size(kinds):
     """The torques of a machine, too, one of which is too large and one too small."""
     rng, missed = np.random.default_rng(7), []
-    cases = [case for case, _ in with_motions(range(16)) if pool.joints_of(case) == 2]
+    cases = [case for case, _ in with_motions(range(8)) if pool.joints_of(case) == 2]
     for case in cases:
         if kinds == ("gain", "gain") and len(pool.driven_of(case)) < 2:
             continue

@@ -69,8 +69,10 @@ def test_torques_of_the_load_in_place_of_the_motors(tmp_path):
     assert first.kind == "flipped_torque" and "all torques have the wrong sign" in first.text
 
 
-@pytest.mark.parametrize("pair", [(0, 1), (1, 2), (0, 2)], ids=str)
-@pytest.mark.parametrize("what", ["angles", "torques", "joints"])
+@pytest.mark.parametrize(
+    ("what", "pair"),
+    [("angles", (0, 1)), ("angles", (1, 2)), ("torques", (0, 1)), ("joints", (0, 2))],
+)
 def test_columns_of_two_joints_that_are_swapped(arm, table, pair, what):
     order = np.arange(3)
     order[list(pair)] = order[list(reversed(pair))]
@@ -82,8 +84,7 @@ def test_columns_of_two_joints_that_are_swapped(arm, table, pair, what):
     assert first.text.startswith(f"{what} {pair[0] + 1} and {pair[1] + 1} are swapped:")
 
 
-@pytest.mark.parametrize("joint", [0, 1, 2])
-@pytest.mark.parametrize("size", [1e3, 100.0, 1e-3])
+@pytest.mark.parametrize(("joint", "size"), [(0, 1e3), (1, 100.0), (2, 1e3), (2, 1e-3)])
 def test_the_torque_of_one_joint_in_another_unit(arm, table, joint, size):
     factor = np.where(np.arange(3) == joint, size, 1.0)
     verdict = check(changed(wrist.dataset(arm, table), "torque", lambda u: u * factor))
