@@ -1,4 +1,4 @@
-"""What each recording says of all that may have changed, by one linear fit about a reference.
+"""What each recording says of all that may have changed, by a linear fit about a reference.
 
 To the reference friction a change is added that is linear in four numbers of each joint,
 
@@ -37,19 +37,18 @@ from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, along
 from frictionid.friction.provenance import Segment
+from frictionid.mechanics import Mechanism
 
-from .effects import DELAY, PARTS, Effect, parts_at, payloads, total_weights
+from .effects import DELAY, PARTS, PAYLOAD, Effect, parts_at, payloads, shares, total_weights
 from .motion import motion_of
 
 _STEP = 1e-3  # of the sensors' numbers and of masses, for derivatives
 _SHIFT = 5e-3  # [s] of a held torque, to either side, or a sample
 _TURNS, _FITS = 8, 0.95  # about another delay, which leaves less of the residual than this
 _SLOPES = -1.0, -0.1  # of what is left of a delay over what is taken for it
-_TUNING = 1.345  # Huber's, in standard deviations
-_ROUNDS = 5
+_TUNING, _ROUNDS = 1.345, 5  # Huber's, in standard deviations, and of his weights
 _PIECES, _PIECE = 40, 0.5  # of a recording at most, and [s] of each at least, whose scatter counts
-_WINDOW = 0.1  # [s], of a disturbance
-_DISTURBED = 1.5  # times the largest residual over it
+_WINDOW, _DISTURBED = 0.1, 1.5  # [s], of a disturbance, and times the largest residual over it
 _SPEEDS = 40  # of a friction curve
 _PASSES = 8  # at most, each with what the one before found left out
 
@@ -151,16 +150,31 @@ def recording_changes(
     reference: Reference,
     covariates: tuple[str, ...],
     most: Array | float = np.inf,
+    payload: Array | None = None,
 ) -> tuple[Changes, tuple[Segment, ...]]:
     """What each recording says against a reference, and the stretches that were left out.
 
     most : (n,) residual over a tenth of a second that no change of friction leaves, as in `peak`
+    payload : (D,) at which derivatives are taken, see `shares`
     """
+    payload = np.zeros(len(reference.effects)) if payload is None else payload
+    reference = _carrying(prepared.dataset.mechanism, reference, payload)
     fits = enumerate(_each(prepared, reference, most, 0.0))
     settled = (_at_its_delay(prepared, r, fit, reference, most) for r, fit in fits)
     changes, left_out, _ = zip(*settled, strict=True)
-    means = covariate_means(prepared.dataset, covariates)
-    return joined(changes)._replace(covariates=means), tuple(chain(*left_out))
+    out, means = joined(changes), covariate_means(prepared.dataset, covariates)
+    share = shares(reference.effects, payload)
+    value, inverse = payload + out.value / share, out.inverse / (share[:, None] * share)
+    return out._replace(value=value, inverse=inverse, covariates=means), tuple(chain(*left_out))
+
+
+def _carrying(mechanism: Mechanism, reference: Reference, payload: Array) -> Reference:
+    """The reference with the base parameters of a payload (D,)."""
+    usual = reference.friction.calibration or Calibration.ideal(mechanism.n)
+    base = mechanism.nominal_base if usual.base is None else usual.base
+    base = base + payload[[e.cause == PAYLOAD for e in reference.effects]] @ payloads(mechanism)[1]
+    friction = replace(reference.friction, calibration=replace(usual, base=base))
+    return reference._replace(friction=friction)
 
 
 # changes of one recording, stretches that were left out, and the mean size of what is left
@@ -239,8 +253,7 @@ class _Rows(NamedTuple):
 
 def _linearised(prepared: Prepared, reference: Reference, late: float) -> _Rows:
     """The residual of all recordings and its derivatives by all effects, at a late torque."""
-    mechanism = prepared.dataset.mechanism
-    calibration = reference.friction.calibration or Calibration.ideal(mechanism.n)
+    calibration = reference.friction.calibration or Calibration.ideal(prepared.dataset.mechanism.n)
     calibration = replace(calibration, delay=calibration.delay + late)
 
     def residual(calibration: Calibration) -> tuple[Problem, Array]:
@@ -268,8 +281,7 @@ def _stepped(
 
     Of the delay also that before it: a torque that jumps changes otherwise to either side.
     """
-    mechanism = prepared.dataset.mechanism
-    base = mechanism.nominal_base if calibration.base is None else calibration.base
+    mechanism, base = prepared.dataset.mechanism, calibration.base
     unit, driven = np.eye(mechanism.n), np.flatnonzero(mechanism.motors)
     for direction in payloads(mechanism)[1]:
         yield _STEP, replace(calibration, base=base + _STEP * direction)

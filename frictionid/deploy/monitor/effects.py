@@ -19,7 +19,7 @@ PARTS = ("coulomb", "viscous", "stribeck", "asymmetry")
 # delay [s], gain [1], offset [rad], mass [1], and friction in usual levels.
 DELAY, GAIN, OFFSET, MASS, LEVELS = 0.1, 0.5, 0.25, 1.5, 3.0
 MOMENTS = ("mx", "my", "mz")
-PAYLOAD = "the payload's inertia"
+PAYLOAD, FRICTION = "the payload's inertia", "friction of "
 _NEW = 0.1  # of what the last other direction leaves: a mass that acts like others has no direction
 
 
@@ -47,7 +47,7 @@ def effects_of(mechanism: Mechanism, level: Array) -> tuple[Effect, ...]:
     pairs = zip(mechanism.friction_names, mechanism.friction_torque_units, level, strict=True)
     for name, unit, size in pairs:
         for part in PARTS:
-            effects.append(Effect(f"friction of {name}", part, unit, LEVELS * float(size)))
+            effects.append(Effect(f"{FRICTION}{name}", part, unit, LEVELS * float(size)))
     for name in payloads(mechanism)[0]:
         effects.append(Effect(PAYLOAD, name, "1", MASS))
     effects.append(Effect("the torque's delay", "delay", "s", DELAY))
@@ -66,6 +66,15 @@ def causes_of(effects: Sequence[Effect]) -> dict[str, Array]:
         cause: np.array([i for i, _ in group])
         for cause, group in groupby(places, lambda place: place[1].cause)
     }
+
+
+def shares(effects: Sequence[Effect], payload: Array) -> Array:
+    """Masses with a payload (D,), over those without; one of all else.
+
+    Changes beside a payload are per share: where mass, gain and friction grow alike, so do these.
+    """
+    masses = [e.cause == PAYLOAD and e.name not in MOMENTS for e in effects]
+    return np.where(masses, 1.0 + payload, 1.0)
 
 
 def parts_at(w: Array, speeds: Array) -> Array:

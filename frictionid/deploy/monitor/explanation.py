@@ -11,10 +11,11 @@ explains, T = b' M^-1 b with b the cause's rows of V^-1 d, and M its block of V^
 tested twice: all its numbers, which few recordings hardly tell, and a change in proportion to
 itself. Healthy recordings against the others calibrate T, test by test. Another cause is a rival
 where, beside it, the best one explains nothing more that is significant: the two cannot be
-separated.
+separated. So is another cause together with friction, where friction would not be named.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain, product
 from typing import NamedTuple
 
 import numpy as np
@@ -23,13 +24,16 @@ from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 
-from .changes import Changes
+from .changes import Changes, with_others_held
+from .effects import FRICTION, Effect, causes_of
 from .motion import apart
 
 _SHRINKAGES = 10.0 ** np.arange(-1.0, 4.0)  # of the motion's slopes, in recordings
 _LEAST = 0.02  # of the variance of independent rows
 _MOST = 4  # causes that are named
 _DECISIVE = 10.0  # of -2 log likelihood: another cause leaves far less
+_DOUBT = 0.1  # probability that is no alarm, and yet no sign that friction has not changed
+_SURE = 2.0  # standard errors of a variance, below which no scatter is seen
 _FEW = 8  # recordings that say nothing of the motion's effect
 
 
@@ -78,6 +82,24 @@ def difference_of(healthy: Changes, new: Changes, size: Array) -> Difference:
         (x - middle) / (1.0 - share),
         (S + C) / (1.0 - share[..., None]),
     )
+
+
+def true_scatter(healthy: Changes, effects: Sequence[Effect], weights: Array) -> Array:
+    """Standard deviation (n,) of sums of each joint's parts between healthy recordings.
+
+    All else held, without the error of each estimate; zero where that may be all.
+
+    weights : (n, 4) of the parts
+    """
+    noise, _ = _noise(healthy, healthy, np.array([e.size for e in effects]))
+    precision, middle = np.linalg.inv(noise), healthy.value.mean(axis=0)
+    square = []
+    for free, row in zip(causes_of(effects).values(), weights, strict=False):  # friction is first
+        error = row @ np.linalg.inv(precision[:, free][:, :, free]) @ row
+        sums = with_others_held(healthy, middle, free).value[:, free] @ row
+        beyond = float(sums.var(ddof=1) - error.mean())
+        square.append(beyond if beyond > _SURE * error.mean() * np.sqrt(2.0 / len(sums)) else 0.0)
+    return np.sqrt(square)
 
 
 def _noise(healthy: Changes, new: Changes, size: Array) -> tuple[Array, Array]:
@@ -179,11 +201,26 @@ class Explanation(NamedTuple):
     p : probability of a difference like this if nothing has changed
     p_of_cause : of each cause beside those that changed, corrected for their number
     groups : causes that changed; those of a group cannot be separated, the likeliest first
+    hidden : a cause that changed, and two, one of them friction, that together explain as much
+    doubt : whether the likeliest changes leave some of what friction explains
     """
 
     p: float
     p_of_cause: dict[str, float]
     groups: tuple[tuple[str, ...], ...]
+    hidden: tuple[tuple[str, str, str], ...] = ()
+    doubt: bool = False
+
+    @property
+    def ways(self) -> list[tuple[str, ...]]:
+        """All that may have changed together, the likeliest first."""
+        hidden = self.hidden if self.doubt else ()
+        several = [
+            [*((c,) for c in group), *(pair for cause, *pair in hidden if cause == group[0])]
+            for group in self.groups
+        ]
+        ways = [tuple(chain(*way)) for way in product(*several)]
+        return [way for way in ways if len(set(way)) == len(way)]
 
 
 class CauseTests(NamedTuple):
@@ -271,7 +308,25 @@ def explained(test: CauseTests, rate: float) -> Explanation:
         beside = others(cause)
         rivals = [c for c in causes if c not in chosen and test.p(cause, [*beside, c]) > rate]
         groups.append((cause, *sorted(rivals, key=lambda c: test.p(c, beside))))
-    return Explanation(first, {cause: p(cause) for cause in causes}, tuple(groups))
+    explanation = Explanation(first, {cause: p(cause) for cause in causes}, tuple(groups))
+    friction = [c for c in causes if c.startswith(FRICTION)]
+    if any(c in friction for way in explanation.ways for c in way):
+        return explanation
+    doubt = any(test.p(c, chosen) < _DOUBT for c in friction)
+    hidden = tuple(_hidden(test, chosen, friction, rate / count))
+    return explanation._replace(hidden=hidden, doubt=doubt)
+
+
+def _hidden(
+    test: CauseTests, chosen: Sequence[str], friction: Sequence[str], rate: float
+) -> Iterator[tuple[str, str, str]]:
+    """Causes that another one explains as well with friction, if both of these have changed."""
+    others = [c for c in test.causes if c not in (*friction, *chosen)]
+    for cause, other, wear in product(chosen, others, friction):
+        beside = [c for c in chosen if c != cause]
+        both = max(test.p(other, [*beside, wear]), test.p(wear, [*beside, other]))
+        if both <= rate < test.p(cause, [*beside, other, wear]):
+            yield cause, other, wear
 
 
 def cause_tests(

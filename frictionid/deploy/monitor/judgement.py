@@ -17,13 +17,15 @@ from frictionid.friction.provenance import Segment
 
 from .baseline import Baseline
 from .changes import Changes, in_proportion
-from .effects import MOMENTS, PARTS, PAYLOAD, causes_of, total_weights
+from .effects import FRICTION, MOMENTS, PARTS, PAYLOAD, causes_of, total_weights
 from .explanation import CauseTests, Explanation, cause_tests, difference_of, explained
 from .motion import beyond, sentence
 
 Answer = Literal["changed", "unchanged", "other", "cannot_tell"]
 _BLIND = 1.0  # of the usual friction: a change that is not seen below this is not seen at all
 _NO_GAIN = 0.5  # of the torque: more is no change of a sensor
+_TORN = 0.2  # of the time: what disturbs more is no push
+_LOOSE = "backlash, contact or a loose part may be behind what is named"
 _SHOWN = 3  # sentences of a kind
 _COLUMNS = "joint", "part", "change", "low_95", "high_95", "per_cent"
 
@@ -41,6 +43,7 @@ class Judgement(NamedTuple):
         Columns: joint (from 0); part: "coulomb", "viscous", "stribeck", "asymmetry", or "total";
         change, low_95, high_95; per_cent: of the reference friction at the usual speed.
     notes : sentences on what limits the judgement, or prevents it
+    payload : (D,) change of the payload's effects that is surely not zero, where that explains
     """
 
     answer: Answer
@@ -52,14 +55,19 @@ class Judgement(NamedTuple):
     causes: tuple[str, ...]
     parts: pd.DataFrame
     notes: tuple[str, ...]
+    payload: Array
 
 
 def judge(
-    baseline: Baseline, new: Changes, rate: float = 0.01, disturbed: Sequence[Segment] = ()
+    baseline: Baseline,
+    new: Changes,
+    rate: float = 0.01,
+    disturbed: Sequence[Segment] = (),
+    seconds: float = np.inf,
 ) -> Judgement:
     """Judgement on new recordings (k) against the healthy ones (N) of a baseline.
 
-    disturbed : stretches of the new recordings that were left out
+    disturbed : stretches of the new recordings, of so many seconds, that were left out
     """
     n = len(baseline.joints)
     side = beyond(baseline.changes.motion, new.motion)
@@ -68,19 +76,23 @@ def judge(
     if 2 * fits.sum() < len(fits):
         nothing = np.full(n, np.nan)
         parts = pd.DataFrame(columns=list(_COLUMNS))
-        return Judgement("cannot_tell", rate, np.nan, nothing, (), (), (), parts, tuple(notes))
+        none = np.zeros(len(baseline.reference.effects))
+        return Judgement(
+            "cannot_tell", rate, np.nan, nothing, (), (), (), parts, tuple(notes), none
+        )
     size = np.array([e.size for e in baseline.reference.effects])
     difference = difference_of(baseline.changes, new.rows(fits), size)
     likely = {
-        f"friction of {name}": row
+        f"{FRICTION}{name}": row
         for name, row in zip(baseline.joints, in_proportion(baseline.reference), strict=True)
         if row.any()
     }
     tests = cause_tests(difference, causes_of(baseline.reference.effects), likely)
     explanation = explained(tests, rate)
-    single = [group[0] for group in explanation.groups if len(group) == 1]
-    joints = tuple(j for j, name in enumerate(baseline.joints) if f"friction of {name}" in single)
-    parts = pd.DataFrame(_parts(baseline, tests, single), columns=list(_COLUMNS))
+    ways = explanation.ways
+    single = [group[0] for group in explanation.groups if all(group[0] in way for way in ways)]
+    joints = tuple(j for j, name in enumerate(baseline.joints) if f"{FRICTION}{name}" in single)
+    parts = pd.DataFrame(_parts(baseline, tests, ways), columns=list(_COLUMNS))
     totals = parts[parts.part == "total"]
     is_blind = (totals.high_95 - totals.low_95) / 2 > _BLIND * baseline.level
     blind = [baseline.joints[j] for j in totals.joint[is_blind]]
@@ -90,26 +102,45 @@ def judge(
             "record more of its motion"
         )
     answer = _answer(explanation, joints, every_blind=len(blind) == n)
-    if impossible := list(_impossible(baseline, tests, single)):
+    lost = sum(s.end - s.begin for s in disturbed) / seconds
+    if lost > _TORN:
+        answer = "cannot_tell"
+        notes.append(f"{100.0 * lost:.0f} % of the time is disturbed: {_LOOSE}")
+    if impossible := list(_impossible(baseline, tests, single, ways)):
         answer, notes = "cannot_tell", [*notes, *impossible]
     return Judgement(
         answer,
         rate,
         explanation.p,
-        np.array([explanation.p_of_cause[f"friction of {name}"] for name in baseline.joints]),
+        np.array([explanation.p_of_cause[f"{FRICTION}{name}"] for name in baseline.joints]),
         joints,
         tuple(single),
-        tuple(_causes(baseline, tests, explanation, single)),
+        tuple(_causes(baseline, tests, explanation)),
         parts,
         tuple(notes),
+        _payload(tests, explanation),
     )
 
 
-def _impossible(baseline: Baseline, tests: CauseTests, single: Sequence[str]) -> Iterator[str]:
+def _payload(tests: CauseTests, explanation: Explanation) -> Array:
+    """Change (D,) of a payload where one explains, beside other causes; zero where it may be."""
+    out = np.zeros(len(tests.pull))
+    columns = tests.causes.get(PAYLOAD, np.empty(0, dtype=int))
+    for way in explanation.ways:
+        if PAYLOAD in way:
+            value, low, high = _interval(tests, [PAYLOAD, *way], np.eye(len(columns))).T
+            out[columns] = np.where(low * high > 0, value, 0.0)
+            break
+    return out
+
+
+def _impossible(
+    baseline: Baseline, tests: CauseTests, single: Sequence[str], ways: Sequence[Sequence[str]]
+) -> Iterator[str]:
     """Sentences on changes that there cannot be: something else is behind the difference."""
     for cause in single:
         effects = [baseline.reference.effects[i] for i in tests.causes[cause]]
-        intervals = _intervals(tests, [cause, *single], np.eye(len(effects))).tolist()
+        intervals = _intervals(tests, cause, ways, np.eye(len(effects))).tolist()
         for effect, (value, _, high) in zip(effects, intervals, strict=True):
             if effect.name == "gain" and abs(value) > _NO_GAIN:
                 yield f"{cause} is {100 * value:+.3g} %: check the torque's unit"
@@ -120,14 +151,23 @@ def _impossible(baseline: Baseline, tests: CauseTests, single: Sequence[str]) ->
 def _answer(explanation: Explanation, joints: Sequence[int], *, every_blind: bool) -> Answer:
     if joints:
         return "changed"
-    if any(name.startswith("friction") for group in explanation.groups for name in group):
+    if any(name.startswith(FRICTION) for way in explanation.ways for name in way):
         return "cannot_tell"
     if explanation.groups:
         return "other"
     return "cannot_tell" if every_blind else "unchanged"
 
 
-def _intervals(tests: CauseTests, causes: Sequence[str], rows: Array) -> Array:
+def _intervals(tests: CauseTests, cause: str, ways: Sequence[Sequence[str]], rows: Array) -> Array:
+    """Value, low and high (k, 3) of sums of a cause's numbers, rows (k, c), at 95 %.
+
+    The value beside what is likeliest to have changed, the interval over all that may have.
+    """
+    each = np.stack([_interval(tests, [cause, *way], rows) for way in ways])
+    return np.stack([each[0, :, 0], each[..., 1].min(axis=0), each[..., 2].max(axis=0)], axis=-1)
+
+
+def _interval(tests: CauseTests, causes: Sequence[str], rows: Array) -> Array:
     """Value, low and high (k, 3) of sums of the first cause's numbers, rows (k, c), at 95 %.
 
     All causes are estimated beside each other; their covariance is as they scatter.
@@ -144,41 +184,48 @@ def _intervals(tests: CauseTests, causes: Sequence[str], rows: Array) -> Array:
 
 
 def _parts(
-    baseline: Baseline, tests: CauseTests, single: Sequence[str]
+    baseline: Baseline, tests: CauseTests, ways: Sequence[Sequence[str]]
 ) -> Iterator[tuple[int, str, float, float, float, float]]:
     """Change of each part of each joint beside all that changed, with its interval."""
     total = total_weights(baseline.reference.speeds)
     for j, name in enumerate(baseline.joints):
         rows = np.vstack([np.eye(len(PARTS)), total[j]])
-        intervals = _intervals(tests, [f"friction of {name}", *single], rows)
+        intervals = _intervals(tests, f"{FRICTION}{name}", ways, rows)
         for part, (value, low, high) in zip((*PARTS, "total"), intervals.tolist(), strict=True):
             per_cent = 100.0 * value / float(baseline.level[j])
             yield j, part, value, low, high, per_cent
 
 
-def _causes(
-    baseline: Baseline, tests: CauseTests, explanation: Explanation, single: Sequence[str]
-) -> Iterator[str]:
+def _causes(baseline: Baseline, tests: CauseTests, explanation: Explanation) -> Iterator[str]:
     """Sentences on what changed: each cause with its size, or what it cannot be separated from."""
-    for group in explanation.groups:
-        if len(group) > 1:
-            yield f"cannot separate {group[0]} from {' and '.join(group[1:])}"
+    for cause, *rivals in explanation.groups:
+        hidden = [f"{b} with {c}" for a, b, c in explanation.hidden if a == cause]
+        rivals += hidden if explanation.doubt else []
+        if rivals:
+            yield f"cannot separate {cause} from {' and '.join(rivals)}"
         else:
-            yield f"{group[0]}: {', '.join(_sizes(baseline, tests, group[0], single))}"
+            sizes = ", ".join(_sizes(baseline, tests, cause, explanation.ways))
+            yield " or ".join([f"{cause}: {sizes}", *hidden])
 
 
 def _sizes(
-    baseline: Baseline, tests: CauseTests, cause: str, single: Sequence[str]
+    baseline: Baseline, tests: CauseTests, cause: str, ways: Sequence[Sequence[str]]
 ) -> Iterator[str]:
-    """The sizes of a cause beside the others, with 95 % intervals; of friction the total."""
+    """The sizes of a cause beside the others, with 95 % intervals.
+
+    Of friction those of the total and the parts that are not zero, over it at the usual speed.
+    """
     names = [baseline.reference.effects[i] for i in tests.causes[cause]]
-    rows = np.eye(len(names))
-    if cause.startswith("friction"):
-        j = baseline.joints.index(cause.removeprefix("friction of "))
-        rows = total_weights(baseline.reference.speeds)[j : j + 1] / baseline.level[j]
-        names = [names[0]._replace(name="", unit="1")]
-    intervals = _intervals(tests, [cause, *single], rows)
+    rows, is_friction = np.eye(len(names)), cause.startswith(FRICTION)
+    if is_friction:
+        j = baseline.joints.index(cause.removeprefix(FRICTION))
+        total = total_weights(baseline.reference.speeds)[j]
+        rows = np.vstack([total, rows]) / baseline.level[j]
+        names = [names[0]._replace(name=part, unit="1") for part in ("total", *PARTS)]
+    intervals = _intervals(tests, cause, ways, rows)
     for effect, numbers in zip(names, intervals, strict=True):
+        if is_friction and numbers[1] <= 0 <= numbers[2]:
+            continue
         if effect.name in MOMENTS:  # where a payload sits
             continue
         factor, unit = {"1": (100.0, "%"), "s": (1e3, "ms")}.get(effect.unit, (1.0, effect.unit))

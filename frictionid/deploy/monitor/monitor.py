@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,13 @@ import numpy as np
 
 from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of, identifier_of
+from frictionid.arrays import Array
 from frictionid.comparison.fit_model import as_logged
 from frictionid.comparison.usual_method import usual_method
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
+from frictionid.evaluation import Prepared
 from frictionid.files import json_text, read_json, sha256, write_json
 from frictionid.friction.provenance import Segment
 
@@ -29,8 +32,12 @@ from .baseline import (
     save_baseline,
 )
 from .changes import Changes, joined, prepared_data, recording_changes
-from .judgement import judge
+from .effects import shares
+from .judgement import Judgement, judge
 from .monitored import Monitored
+
+_TURNS, _NEAR = 6, 0.01  # about another payload, which still moves by more of its masses
+_LIGHT = -0.9  # of a mass: the most that is taken off
 
 
 def baseline(
@@ -129,25 +136,56 @@ def monitor(
         raise InputError(f"monitor: {baseline!r} is no baseline; give one, or its file, first")
     healthy = baseline if isinstance(baseline, Baseline) else load_baseline(Path(baseline))
     several = [data] if isinstance(data, str | Path | Dataset) else data
-    parts: list[Changes] = []
-    disturbed: list[Segment] = []
+    prepared: list[Prepared] = []
     recordings: list[tuple[str, str]] = []
     for dataset in chosen_recordings([dataset_of(x) for x in several], only):
         check_same_machine(healthy, dataset, dataset.name)
-        prepared = prepared_data(dataset)
-        reference, beside = healthy.reference, healthy.covariates
-        most = healthy.changes.disturbed
-        changes, stretches = recording_changes(prepared, reference, beside, most)
-        parts.append(changes)
-        disturbed += stretches
+        prepared.append(prepared_data(dataset))
         digests = hashes_of(dataset)
         recordings += ((r.name, x) for r, x in zip(dataset.recordings, digests, strict=True))
-    new = joined(parts)
+    new, disturbed = _said(healthy, prepared, np.zeros(len(healthy.reference.effects)))
     arrivals: tuple[Arrival, ...] = ()
     if state is not None:
         arrivals = arriving(Path(state), healthy, recordings, new, done)
     names = tuple(name for name, _ in recordings)
-    return Monitored(healthy, judge(healthy, new, rate, disturbed), names, new, arrivals)
+    seconds = sum(float(np.ptp(r.angle.time)) for p in prepared for r in p.dataset.recordings)
+    judgement = judge(healthy, new, rate, disturbed, seconds)
+    new, judgement = _at_its_payload(healthy, prepared, new, judgement, seconds)
+    return Monitored(healthy, judgement, names, new, arrivals)
+
+
+def _said(
+    healthy: Baseline, prepared: Sequence[Prepared], payload: Array
+) -> tuple[Changes, tuple[Segment, ...]]:
+    """What recordings say, by derivatives at a payload (D,), and stretches that are left out."""
+    most, beside = healthy.changes.disturbed, healthy.covariates
+    each = (recording_changes(p, healthy.reference, beside, most, payload) for p in prepared)
+    changes, stretches = zip(*each, strict=True)
+    return joined(changes), tuple(chain(*stretches))
+
+
+def _at_its_payload(
+    healthy: Baseline,
+    prepared: Sequence[Prepared],
+    new: Changes,
+    judgement: Judgement,
+    seconds: float,
+) -> tuple[Changes, Judgement]:
+    """What recordings say by derivatives at the payload that they carry, and the judgement.
+
+    One for all: each by its own would turn what noise does to mass, gain and friction together.
+    """
+    payload = np.zeros_like(judgement.payload)
+    for _ in range(_TURNS):
+        share = shares(healthy.reference.effects, payload)
+        step = judgement.payload - payload
+        if not judgement.payload.any() or np.abs(step).max() < _NEAR:
+            break
+        # as of accelerations, which are torques over masses: none falls below zero
+        payload = np.maximum(payload + share * step / (1.0 - np.minimum(step, 0.5)), _LIGHT)
+        new, disturbed = _said(healthy, prepared, payload)
+        judgement = judge(healthy, new, judgement.rate, disturbed, seconds)
+    return new, judgement
 
 
 def chosen_recordings(datasets: Sequence[Dataset], only: Sequence[str]) -> list[Dataset]:

@@ -84,9 +84,10 @@ class Monitored:
         """The judgement in one sentence."""
         j = self.judgement
         causes = f"; {'; '.join(j.causes)}" if j.causes else ""
-        odds = f"(p = {j.p:.2g}, alarm at {j.rate:g})"
         if np.isnan(j.p):
             return "These recordings cannot tell whether friction has changed: they are not judged."
+        p = j.p if j.answer == "cannot_tell" else j.p_of_joint.min()
+        odds = f"(p = {p:.2g}, alarm at {j.rate:g})"
         if j.answer == "cannot_tell":
             return f"These recordings cannot tell whether friction has changed {odds}{causes}."
         if j.answer == "changed":

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from frictionid.deploy.monitor.changes import Changes
-from frictionid.deploy.monitor.explanation import CauseTests, cause_tests, difference_of, explained
+from frictionid.deploy.monitor.effects import Effect
+from frictionid.deploy.monitor.explanation import (
+    CauseTests,
+    cause_tests,
+    difference_of,
+    explained,
+    true_scatter,
+)
 
 D = 6
 CAUSES = {"a": np.array([0, 1, 2]), "b": np.array([3]), "c": np.array([4, 5])}
@@ -99,6 +106,29 @@ def test_what_only_stood_for_a_cause_is_no_cause():
     explanation = explained(tests, 0.01)
     assert explanation.groups == (("a",),)
     assert explanation.p_of_cause["a"] < 0.01 and explanation.p_of_cause["b"] == 1.0
+
+
+@pytest.mark.parametrize(("friction", "doubt"), [(10.0, False), (12.5, True)])
+def test_a_cause_that_another_explains_with_friction_is_said(friction, doubt):
+    """The effect of c is the sum of those of b and friction, as of a gain, a mass and friction."""
+    causes = {"friction of a": np.array([0]), "b": np.array([1]), "c": np.array([2])}
+    columns = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    pull, inverse = columns.T @ [friction, 10.0], columns.T @ columns + 1e-9 * np.eye(3)
+    tests = CauseTests(inverse, pull, causes, {}, dict.fromkeys(causes, [1.0]), 1e3)
+    explanation = explained(tests, 0.01)
+    assert explanation.groups == (("c",),)
+    assert explanation.hidden == (("c", "b", "friction of a"),) and explanation.doubt == doubt
+    assert explanation.ways == [("c",), ("b", "friction of a")][: 1 + doubt]
+
+
+@pytest.mark.parametrize("true", [0.0, 20.0])
+def test_errors_of_estimates_are_no_scatter(true):
+    effects = [Effect("friction of a", "", "1", 1e3)] * 4 + [Effect("b", "", "1", 1e3)] * 2
+    healthy = recordings(np.random.default_rng(8), 100)
+    noise = np.random.default_rng(9).normal(size=(100, D)) @ np.linalg.cholesky(NOISE).T
+    noise[:, 0] += true * np.random.default_rng(10).normal(size=100)
+    (found,) = true_scatter(healthy._replace(value=noise), effects, np.array([[1.0, 1, 1, 0]]))
+    assert found == pytest.approx(true, rel=0.2)
 
 
 def test_what_follows_the_motion_is_no_change():

@@ -18,7 +18,9 @@ import frictionid as fid
 from frictionid.data.signals import taken
 from frictionid.deploy.monitor.baseline import load_baseline, machine_of, save_baseline
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes, totals
+from frictionid.deploy.monitor.judgement import judge
 from frictionid.deploy.monitor.monitor import load_state
+from frictionid.friction.provenance import Segment
 from frictionid.mechanics import urdf
 from frictionid.simulate import (
     Camera,
@@ -163,6 +165,13 @@ def test_pushes_are_no_friction_and_are_left_out(known, first):
     )[1]
     assert len(stretches) == 1
     assert stretches[0].begin < 5.0 < 5.2 < stretches[0].end
+
+
+def test_where_much_is_disturbed_another_cause_is_named(known):
+    stretches = [Segment("r", 0.0, 3.0, 1.0)]
+    few, many = (judge(known, known.changes, 0.01, stretches, t) for t in (60.0, 10.0))
+    assert few.answer == "unchanged" and many.answer == "cannot_tell"
+    assert "30 % of the time is disturbed: backlash" in many.notes[-1]
 
 
 def test_a_recording_changes_alone_as_it_does_among_others(known, healthy):

@@ -18,17 +18,17 @@ LIGHT, HEAVY = 0.5, 0.7  # kg
 LEVEL = {LIGHT: 0.05, HEAVY: 0.07}  # N m
 
 
-def recorded(mass, count, worn):
+def recorded(mass, count, worn, level=None, viscous=0.004):
     """Recordings of a pendulum with a payload, of which the last ones have 15 % more friction."""
     rng = np.random.default_rng(int(10 * mass))
     torque = Multisine(1.2, (0.7, 1.1, 1.6))
     starts = rng.uniform(-1, 1, (count, 1)).tolist()
     runs = tuple(
-        Run(f"r{10 * mass:g}-{i}", tuple(q), torques=(torque,)) for i, q in enumerate(starts)
+        Run(f"r{1e3 * mass:.0f}-{i}", tuple(q), torques=(torque,)) for i, q in enumerate(starts)
     )
     rig = Rig(
         *("p", {"kind": "pendulum", "parameters": {"mass": mass, "length": 0.3}}),
-        *(plain_friction(LEVEL[mass], 0.004), Camera(361, 60.0, 0.0016)),
+        *(plain_friction(level or LEVEL[mass], viscous), Camera(361, 60.0, 0.0016)),
         runs,
         variation=Variation(scatter=0.01, wear=(0.15,), worn_from=count - worn, sudden=True),
         substeps=4,
@@ -62,6 +62,37 @@ def test_the_payload_is_a_covariate_and_its_effect_comes_out_as_it_went_in(known
     total = totals(known.changes, known.reference.speeds)[:, 0]
     effect = total[8:].mean() - total[:8].mean()
     assert effect == pytest.approx(LEVEL[HEAVY] - LEVEL[LIGHT], rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def plain(light):
+    return fid.baseline(dataset(*(replace(r, parameters={}) for r in light)), law="coulomb_viscous")
+
+
+def carrying(plain, share, viscous=0.004):
+    """What is found where the mass has grown by a share, which no recording says."""
+    new = recorded(LIGHT * (1 + share), 5, 0, LEVEL[LIGHT], viscous)
+    return fid.monitor(plain, dataset(*(replace(r, parameters={}) for r in new)))
+
+
+@pytest.mark.parametrize("share", [-0.4, -0.2, -0.1, 0.1, 0.2, 0.4])
+def test_a_payload_comes_out_as_it_went_in(plain, share):
+    found = carrying(plain, share)
+    assert found.judgement.changed == ("the payload's inertia",)
+    (said,) = found.judgement.causes
+    assert float(said.split(": ")[1].split(" %")[0]) == pytest.approx(100 * share, rel=0.02)
+    p = float(found.sentence.removeprefix("Friction has not changed (p = ").split(",")[0])
+    assert p == pytest.approx(found.judgement.p_of_joint[0], rel=0.1) and p > 0.01
+
+
+def test_friction_beside_a_payload_comes_out_as_it_went_in(plain):
+    """A gain that cannot be told from the payload widens intervals."""
+    found = carrying(plain, 0.1, viscous=0.008)
+    assert found.answer == "changed" and "viscous +" in found.judgement.causes[-1]
+    parts = found.frame.set_index("part")
+    true = {"coulomb": 0.0, "viscous": 0.004 * plain.reference.speeds[0, 1], "stribeck": 0.0}
+    for part, change in true.items():
+        assert parts.low_95[part] <= change <= parts.high_95[part]
 
 
 def test_friction_under_a_payload_is_not_called_wear_but_wear_under_it_is(known, heavy):
