@@ -174,17 +174,15 @@ def baseline(
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
 
-    from .monitor.changes import totals
-
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     loaded = fid.load_dataset(dataset, data, trust=trust)
     with heard(f"baseline ({loaded.name})"):
         healthy = fid.baseline(loaded, out, law=law, model=model, only=only or ())
-    scatter = totals(healthy.changes, healthy.reference.speeds).std(axis=0, ddof=1) / healthy.level
-    shares = dict(zip(healthy.joints, scatter.tolist(), strict=True))
+    shares = dict(zip(healthy.joints, healthy.scatter.tolist(), strict=True))
     lines = [f"{len(healthy.names)} healthy recordings of {', '.join(healthy.joints)}"]
     for joint, share in shares.items():
-        lines.append(f"friction of {joint} scatters by {100.0 * share:.3g} % between them")
+        size = f"by {100.0 * share:.3g} %" if share else "by less than is seen"
+        lines.append(f"friction of {joint} scatters {size} between them")
     numbers = {"recordings": healthy.names, "scatter": shares}
     show("\n".join(lines), numbers, [out], json=json)
 

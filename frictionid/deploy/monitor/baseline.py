@@ -19,7 +19,8 @@ from frictionid.friction.model_files import model_document, read_model
 from frictionid.mechanics import Mechanism
 
 from .changes import Changes, Reference, recording_changes
-from .effects import Effect, effects_of
+from .effects import Effect, effects_of, total_weights
+from .explanation import true_scatter
 
 FORMAT = "frictionid baseline 3"
 _SLOW = 0.1  # of the fast speed
@@ -53,6 +54,13 @@ class Baseline:
     def level(self) -> Array:
         """Friction (n,) of each part at its usual speed [N m]."""
         return self.reference.level
+
+    @property
+    def scatter(self) -> Array:
+        """Standard deviation (n,) of friction at the usual speed between recordings, over it."""
+        reference = self.reference
+        weights = total_weights(reference.speeds)
+        return true_scatter(self.changes, reference.effects, weights) / self.level
 
 
 class Arrival(NamedTuple):
