@@ -65,11 +65,19 @@ class Controller(NamedTuple):
         """What the controller puts out, within its limit."""
         return np.clip(self.command - self.by_q * q - self.by_w * w, -self.limit, self.limit)
 
+    def torque(self, q: Array, w: Array) -> Array:
+        """Torque at a motion."""
+        u = self._within_stall(self.share * self.output(q, w) - self.back_emf * w, w)
+        return self.scale * np.clip(u, -self.most, self.most) + self.bias
+
+    def _within_stall(self, asked: Array, w: Array) -> Array:
+        return np.clip(asked, -self.stall - self.slope * w, self.stall - self.slope * w)
+
     def linear(self, q: Array, w: Array) -> Linear:
         """Torque at a motion, and its slopes there: none of what a limit holds."""
         out = self.output(q, w)
         asked = self.share * out - self.back_emf * w
-        u = np.clip(asked, -self.stall - self.slope * w, self.stall - self.slope * w)
+        u = self._within_stall(asked, w)
         moves = np.where(np.abs(u) < self.most, self.scale, 0.0) + 0.0 * u
         falls = u != asked
         by_command = np.where((np.abs(out) < self.limit) & ~falls, moves * self.share, 0.0)
@@ -175,10 +183,13 @@ class Servo:
 
     def torque(self, time: Array, q: Array, w: Array) -> Array:
         """Torque (K, n) [N m] at times (K,), joints seen at q (K, n), moving at w (K, n)."""
-        return self.at(time).linear(q, w).torque
+        return self.at(time).torque(q, w)
 
     def connected(self, time: Array) -> Array:
         """Whether the motors are connected at times (K,): 1 or 0, shape (K, n)."""
+        on = self.enabled.value > 0.5
+        if on.all():
+            return np.ones((len(time), on.shape[1]))
         return np.where(_sampled(self.enabled, time) > 0.5, 1.0, 0.0)
 
     @property

@@ -163,11 +163,12 @@ def _rows(intervals: Intervals, group: ServoGroup) -> tuple[Array, Array]:
 def torque_signal(servo: Servo, motion: "ServoMotion", edges: Array, feedback: Array) -> Signal:
     """A along one recording, with feedback (K, 2, n) from each of the edges (K,) [s] on."""
     changes = edges[1:][(np.diff(feedback, axis=0) != 0).any(axis=(1, 2))]
+    feedback = feedback if len(changes) else feedback[:1]
     clock, share = motion.seen.time, np.arange(_PARTS) / _PARTS
     fine = np.append((clock[:-1, None] + np.diff(clock)[:, None] * share).ravel(), clock[-1])
     time = with_steps(fine, np.concatenate([servo.steps(), changes]))
     q, w = motion.at(time)
-    place = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, len(edges) - 1)
+    place = np.clip(np.searchsorted(edges[: len(feedback)], time, "right") - 1, 0, None)
     K, B = np.moveaxis(feedback[place], 1, 0)
     q_joint, B = q + motion.play_at(time), B + servo.delay * K
     torque = servo.torque(time, q, w) + K * q_joint + B * w
@@ -216,12 +217,13 @@ class ServoMotion(NamedTuple):
 
     def at(self, time: Array) -> tuple[Array, Array]:
         """Angles and velocities (K, n) at times (K,)."""
-        q, w, clock = sample(self.seen, time), sample(self.w, time), self.seen.time
+        w, clock, seen = sample(self.w, time), self.seen.time, self.seen.value
         if self.curve is None:
-            return q, w
+            return sample(self.seen, time), w
         k = np.clip(np.searchsorted(clock, time, side="right") - 1, 0, len(clock) - 2)
         s = np.clip((time - clock[k]) / np.diff(clock)[k], 0.0, 1.0)[:, None]
         first, last = np.moveaxis(self.curve[k], -1, 0)
+        q = seen[k] + s * (seen[k + 1] - seen[k])
         return q + s * (1 - s) * ((1 - s) * first - s * last), w
 
     def play_at(self, time: Array) -> Array | float:
