@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures import planted_faults as pool
+from fixtures.changed_data import changed
 from fixtures.check_trials import smoothed
 
 from frictionid.check import check, judge
@@ -128,6 +129,13 @@ def test_two_faults_of_sensors_are_named_together_each_by_its_size(kinds):
         if named != set(truth) or max(off) > 5.0:
             missed.append((case.name, truth, [f.text for f in verdict.findings]))
     assert not missed
+
+
+def test_a_gain_that_is_as_far_off_as_masses_may_be_is_named_beside_them():
+    for number in (6, 10):  # pendulums, whose torques show it
+        verdict = check(changed(healthy()[number], "torque", lambda u: 1.1 * u))
+        (wrong,) = [f for f in verdict.findings if f.level != "good"]
+        assert wrong.kind == "nominal_mechanism" and "; or gain of torque 1 is 0.9" in wrong.text
 
 
 def test_a_joint_that_hardly_moves_is_named():
