@@ -9,6 +9,7 @@ from frictionid.data.envelope import Reached
 from frictionid.data.recordings import Dataset
 
 from .conventions import Scored
+from .end_stops import stop_findings
 from .facts import JointFacts, joints_of
 from .findings import LEVELS, Finding
 from .friction_drift import drift_findings
@@ -189,6 +190,8 @@ def _of_tests(
     sources: tuple[TorqueSource, ...],
 ) -> Iterator[Finding]:
     """Errors of the tests, and where none explains them already, of passivity; of torques."""
+    if tests.done:  # what else is found may follow from them
+        yield from stop_findings(tests.measured)
     yield from tests.findings
     if tests.done and not tests.findings:
         passivity = [energy_test(tests.measured), *rest_tests(tests, estimate)]
