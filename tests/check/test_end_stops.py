@@ -8,7 +8,7 @@ from frictionid.check import check
 from frictionid.data.recordings import Dataset
 
 XML = """<mujoco><compiler angle="radian"/><option timestep="0.0005"/><worldbody><body>
-<joint name="j" axis="0 1 0" frictionloss="0.1" damping="0.02" limited="{limited}" range="-0.6 0.6"/>
+<joint axis="0 1 0" frictionloss="0.1" damping="0.02" limited="{limited}" range="-0.6 0.6"/>
 <geom type="sphere" size="0.02" pos="0 0 -0.4" mass="0.5"/></body></worldbody></mujoco>"""
 MACHINE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
 
