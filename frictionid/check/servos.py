@@ -20,10 +20,12 @@ from frictionid.data.signals import Signal, holds
 from frictionid.fitting.one_step.balances import Rows
 
 from .findings import Finding, finding
-from .motion import MIN_WINDOWS, Measured, Motion, adapted
+from .motion import MIN_WINDOWS, Measured, Motion, windows_of
 from .partial_regression import Nuisance, PartialRegression, nuisance_of, refined_delay
 
 _LATEST, _COARSE, _STEP = 0.06, 0.004, 0.001  # [s], of the search and of its last steps
+_WIDTHS = {False: (0.15, 0.2), True: (0.1, 0.3)}  # [s] of windows, with reversals or without
+_FREE = 10.0  # of a base parameter: as good as free
 _WIDE = 2.5  # standard errors, as of a measured torque's delay
 _CLEAR = 0.02  # of the sum of squares that a delay must explain
 _PLAYS = np.radians([0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0])  # backlash that is tried
@@ -41,20 +43,21 @@ def with_late_targets(dataset: Dataset, motions: Sequence[Motion]) -> tuple[Data
     servos = servos_of(dataset)
     if len(servos) < len(dataset.recordings) or not all(holds(s.goal) for s in servos):
         return dataset, []
-    measured = Measured.of_dataset(dataset, motions)
-    rows = adapted(measured.balances, measured.motions)
-    if rows.moving.any(1).sum() < MIN_WINDOWS:
+    fits = [fit for fit in (_fits(dataset, motions, reversals=r) for r in (False, True)) if fit]
+    if not fits:
         return dataset, []
-    nuisance = nuisance_of(rows, measured.nominal, uncertain_mechanism=True)
-    fit = _Fit(dataset, motions, rows, rows.required(measured.nominal), nuisance)
     # with one gain set backlash would pass for Coulomb friction
     several = len(_gain_sets(servos)) > 1 and dataset.mechanism.position_units == ("rad",)
-    first = fit.at(0.0, np.arange(0.0, _LATEST, _COARSE))
+    lags = np.arange(0.0, _LATEST, _COARSE)
+    both = [(fit, fit.at(0.0, lags), longer.at(0.0, lags)) for fit, longer in fits]
+    fit, first, longer = min(both, key=lambda f: f[1].left / f[0].left(0.0, 0.0))
     near = first.late + _COARSE * np.arange(-1, 3)
     least = first
     if several:
         least = min((fit.at(play, near) for play in _PLAYS), key=lambda f: f.left)
     best = least if least.left < (1 - _MUCH) * first.left else first
+    error = float(np.hypot(best.error, first.late - longer.late))  # of friction's shape
+    best = best._replace(error=error)
     if best.left > (1 - _CLEAR) * fit.left(0.0, 0.0) or not np.isfinite(best.error):
         return dataset, []
     recordings = tuple(
@@ -62,6 +65,24 @@ def with_late_targets(dataset: Dataset, motions: Sequence[Motion]) -> tuple[Data
         for r, t in zip(dataset.recordings, fit.torques(best.late, best.play), strict=True)
     )
     return replace(dataset, recordings=recordings), list(_late_findings(best, first))
+
+
+def _fits(
+    dataset: Dataset, motions: Sequence[Motion], *, reversals: bool
+) -> tuple["_Fit", "_Fit"] | None:
+    """Fits to windows and to longer ones, with reversals of the joints or without; None of few.
+
+    The mechanism is free: rotors that nobody has given would look like late targets.
+    """
+    measured = Measured.of_dataset(dataset, motions)
+    out = []
+    for width in _WIDTHS[reversals]:
+        rows = windows_of(measured.balances, width, reversals=reversals)
+        if rows.moving.any(1).sum() < MIN_WINDOWS:
+            return None
+        nuisance = nuisance_of(rows, measured.nominal, uncertain_mechanism=True, prior=_FREE)
+        out.append(_Fit(dataset, motions, rows, rows.required(measured.nominal), nuisance))
+    return out[0], out[1]
 
 
 class _Late(NamedTuple):

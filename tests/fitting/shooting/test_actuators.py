@@ -388,6 +388,10 @@ def test_rotors_that_a_legs_file_lacks_are_found_also_where_bodies_have_them(tmp
     actuator |= {"target": names[1], "output": "torque"}
     columns = {"time": "t", "angle": names[0], "actuator": actuator}
     data = fid.Dataset.from_frames({"air": frame.assign(t=time)}, rig, **columns)
+    verdict = fid.check(data)
+    found = {row.kind: row.numbers for row in verdict.findings.itertuples()}
+    assert found["late_targets"]["delay"] == pytest.approx(0.01, abs=5e-4)
+    assert verdict.level == "good" and "missing_rotors" in found
     fit = fid.fit(data, "coulomb_viscous")
     added = fit.calibration.base - rig.nominal_base
     np.testing.assert_allclose(added[added != 0], ROTORS, rtol=0.03)
