@@ -42,16 +42,6 @@ class HysteresisSettings(Strict):
     frequency: NonEmpty[Positive] | None = None
     factors: NonEmpty[Positive] = [0.5, 1.0, 2.0]
 
-    def check(self, joints: int) -> None:
-        """Complain where amplitudes or frequencies are not those of so many joints."""
-        for name in ("amplitude", "frequency"):
-            values = getattr(self, name)
-            if values is not None and len(values) != joints:
-                raise InputError(
-                    f"loops: {name} has {len(values)} entries, the mechanism has {joints} joints: "
-                    "give one for each"
-                )
-
 
 class HysteresisLoop(NamedTuple):
     """One joint's friction over one period: velocity (T,) [rad/s], torque (F, T) [N m].
@@ -117,7 +107,13 @@ def hysteresis_loops(
     InputError
         Where the settings are those of another number of joints.
     """
-    settings.check(friction.n)
+    for name in ("amplitude", "frequency"):
+        values = getattr(settings, name)
+        if values is not None and len(values) != friction.n:
+            raise InputError(
+                f"loops: {name} has {len(values)} entries, the mechanism has {friction.n} joints: "
+                "give one for each"
+            )
     amplitude = np.array(settings.amplitude or 0.8 * grid[-1])
     frequency = np.array(settings.frequency or (1.0,) * friction.n)
     out = []

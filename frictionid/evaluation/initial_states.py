@@ -122,13 +122,14 @@ def make_initial_states(
     steps = [np.diff(s.time)[:, None] for s in states]
     servos = servos_of(dataset)
     dt = _windows(steps, pairs, T, 1e-3)[..., 0]
-    time = np.array([states[r].time[k] for r, k in pairs])
+    time, q, w = (_at(part, pairs) for part in zip(*(s.motion for s in states), strict=True))
     clock = time + np.concatenate([np.zeros((1, len(time))), np.cumsum(dt, axis=0)])
+    heat = temperatures(dataset, [s.time for s in states])
     return InitialStates(
         recording=owner,
         index=index,
-        q=np.stack([states[r].q[k] for r, k in pairs]),
-        w=np.stack([states[r].w[k] for r, k in pairs]),
+        q=q,
+        w=w,
         u=_windows(torques, pairs, T, 0.0),
         dt=dt,
         measured=_windows(measured, pairs, T + 1, np.nan),
@@ -136,10 +137,10 @@ def make_initial_states(
         horizons=horizons_,
         last=last,
         nodes=_nodes(dataset, states, plant),
-        temperature=_temperatures(dataset, states, pairs),
+        temperature=None if heat is None else _at(heat, pairs),
         servos=tuple(servos[r] for r in owner) if servos else (),
         time=time,
-        play=_play(servos, dataset, states, pairs) if servos else None,
+        play=_at(_play(servos, dataset, states), pairs) if servos else None,
         base_motion=base_motion_between([dataset.recordings[r] for r in owner], clock),
     )
 
@@ -163,20 +164,15 @@ def servos_of(dataset: Dataset) -> tuple[Servo, ...]:
     return tuple(r.servo or open_loop(r.torque) for r in dataset.recordings)
 
 
-def _play(
-    servos: Sequence[Servo],
-    dataset: Dataset,
-    states: Sequence[States],
-    pairs: Sequence[tuple[int, int]],
-) -> Array:
-    """Play (S, n) [rad] of encoders at the starts, by the motion before."""
+def _play(servos: Sequence[Servo], dataset: Dataset, states: Sequence[States]) -> list[Array]:
+    """Play (T_i, n) [rad] of encoders at the times of states, by the motion before."""
     play = []
     for servo, recording, s in zip(servos, dataset.recordings, states, strict=True):
         angle = recording.angle
         seen = seen_by_encoder(servo, angle, Signal(s.time, s.q, "linear"))
         lag = Signal(angle.time, angle.value - seen.value, "linear")
         play.append(sample(lag, s.time))
-    return np.stack([play[r][k] for r, k in pairs])
+    return play
 
 
 def true_states(dataset: Dataset, states: Sequence[States]) -> list[States] | None:
@@ -239,6 +235,11 @@ def _reach(time: Array, index: int, horizons: Array, interval: float) -> Array:
     return np.where(inside & whole & (nearest > 0) & (off <= interval), nearest, -1)
 
 
+def _at(series: Sequence[Array], pairs: Sequence[tuple[int, int]]) -> Array:
+    """Rows (S, ...) of the recordings' series, by recording and index."""
+    return np.stack([series[r][k] for r, k in pairs])
+
+
 def _windows(
     series: Sequence[Array], pairs: Sequence[tuple[int, int]], length: int, fill: float
 ) -> Array:
@@ -259,14 +260,6 @@ def temperatures(dataset: Dataset, times: Sequence[Array]) -> list[Array] | None
     each = [recording.temperature_at(time, machine.joints) for recording, time in pairs]
     measured = [of_last_joints(machine, T) for T in each if T is not None]
     return measured if len(measured) == len(each) else None
-
-
-def _temperatures(
-    dataset: Dataset, states: Sequence[States], pairs: Sequence[tuple[int, int]]
-) -> Array | None:
-    """Temperature (S, m) [degC] at each start."""
-    each = temperatures(dataset, [s.time for s in states])
-    return None if each is None else np.stack([each[r][k] for r, k in pairs])
 
 
 def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:

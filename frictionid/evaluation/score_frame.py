@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.joint_scales import TURN, norm_of
+from frictionid.data.joint_scales import norm_of
 from frictionid.errors import InputError
 
 
@@ -116,14 +116,14 @@ def summarise(errors: Array, score: Score) -> Iterator[Score]:
         yield score._replace(statistic=name, value=float(value))
 
 
-def summarise_rollouts(errors: Array, score: Score, limit: float = TURN) -> Iterator[Score]:
+def summarise_rollouts(errors: Array, score: Score, limit: float) -> Iterator[Score]:
     """Median, 90 % quantile and diverged share of rollout errors (N,), in the unit of the score.
 
     Diverged predictions stay in the quantiles, at infinity when they are not finite; errors beyond
     the `limit` count as diverged.
 
     >>> of = Score("0", "rollout_angle", horizon_s=1.0, unit="rad")
-    >>> [s.value for s in summarise_rollouts(np.array([0.1, 0.2, np.nan]), of)]
+    >>> [s.value for s in summarise_rollouts(np.array([0.1, 0.2, np.nan]), of, 1.0)]
     [0.2, inf, 0.3333333333333333]
     """
     errors = np.where(np.isfinite(errors), errors, np.inf)

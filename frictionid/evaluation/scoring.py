@@ -20,19 +20,16 @@ from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Law, along, along_own, present
 
 from .curves import curve_error, curve_scores, curves, dissipated, steady_state
-from .example_motions import (
-    FEWEST,
-    common_examples,
-    jackknife_width,
-    ranked_examples,
-)
 from .folds import Folds
 from .free_run import free_run, free_run_scores, trajectory_folds
 from .initial_states import InitialStates, initial_state_folds
 from .predicted_motion import (
     HorizonErrors,
+    common_examples,
     horizon_errors,
+    jackknife_width,
     predict,
+    ranked_examples,
     rollout_scores,
 )
 from .prepared import (
@@ -41,6 +38,7 @@ from .prepared import (
     calibrated_views,
 )
 from .score_frame import Score, parts_of, score_frame, summarise
+from .statistics import FEWEST
 from .torque_left import (
     TorqueWindows,
     has_torque,

@@ -7,7 +7,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.curves import slow_speed
-from frictionid.evaluation.example_motions import FEWEST, jackknife_width
+from frictionid.evaluation.predicted_motion import jackknife_width
+from frictionid.evaluation.statistics import FEWEST
 
 from ..sections import DataDescription, Model, Section
 from .style import (
