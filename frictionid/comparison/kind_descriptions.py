@@ -7,7 +7,7 @@ import inspect
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from frictionid.config import nearest
@@ -21,6 +21,7 @@ from frictionid.mechanics.mechanism_table import mechanism_kinds, mechanism_opti
 from .registry import IDENTIFIERS, Choice, Kind
 
 _ENTRY = re.compile(r"([a-z]\w*(?:, [a-z]\w*)*) : (.*)", re.IGNORECASE)
+_SENTENCE = re.compile(r"(?<=[.:;]) (?=[A-Z`])")  # what stands between two
 _SECTION = re.compile(r"[A-Z][a-z]+\n-{3,}$", re.MULTILINE)
 
 
@@ -36,9 +37,7 @@ def summary(documented: Any) -> str:
 
 def details(documented: Any) -> list[str]:
     """Paragraphs of a docstring behind the first, without its entries and sections."""
-    text = _SECTION.split(inspect.getdoc(documented) or "")[0]
-    blocks = text.split("\n\n")[1:]
-    return [_one_line(block) for block in blocks if not _ENTRY.match(block.lstrip())]
+    return _paragraphs(inspect.getdoc(documented) or "")[1:]
 
 
 def meaning(documented: Any, name: str) -> str:
@@ -56,8 +55,8 @@ def meaning(documented: Any, name: str) -> str:
         for names, text in _entries(doc):
             if name in names:
                 return text
-    said = (sentence for doc in docs for sentence in _sentences(doc) if f"`{name}`" in sentence)
-    return next(said, "").removeprefix(f"`{name}` is ")
+    sentences = (s for doc in docs for p in _paragraphs(doc) for s in _SENTENCE.split(p))
+    return next((s for s in sentences if f"`{name}`" in s), "").removeprefix(f"`{name}` is ")
 
 
 def _entries(doc: str) -> Iterator[tuple[list[str], str]]:
@@ -81,10 +80,10 @@ def _entries(doc: str) -> Iterator[tuple[list[str], str]]:
         yield entry[1].split(", "), _one_line(" ".join([first, *below]))
 
 
-def _sentences(doc: str) -> list[str]:
+def _paragraphs(doc: str) -> list[str]:
+    """Paragraphs of a docstring, without its entries and sections."""
     blocks = _SECTION.split(doc)[0].split("\n\n")
-    paragraphs = [block for block in blocks if not _ENTRY.match(block.lstrip())]
-    return [s for p in paragraphs for s in re.split(r"(?<=[.:;]) (?=[A-Z`])", _one_line(p))]
+    return [_one_line(block) for block in blocks if not _ENTRY.match(block.lstrip())]
 
 
 def _one_line(text: str) -> str:
@@ -113,7 +112,7 @@ class KindDescription:
     details: tuple[str, ...]
     parameters: tuple[Entry, ...]
     settings: tuple[Entry, ...]
-    base: tuple[Entry, ...] = field(default=())
+    base: tuple[Entry, ...] = ()
 
 
 def mechanisms() -> list[KindDescription]:
@@ -163,12 +162,7 @@ def _mechanism(name: str, build: Callable[..., Mechanism]) -> KindDescription:
         Entry(p.name, "" if p.required else f"{p.default:g}", p.unit, p.meaning)
         for p in mechanism.parameters
     ]
-    base = [
-        Entry(base, "", unit, text)
-        for base, unit, text in zip(
-            mechanism.base_names, mechanism.base_units, mechanism.base_meanings, strict=True
-        )
-    ]
+    base = zip(mechanism.base_names, mechanism.base_units, mechanism.base_meanings, strict=True)
     options = [
         Entry(option, _toml(default), "", meaning(build, option))
         for option, default in mechanism_options(build).items()
@@ -179,7 +173,7 @@ def _mechanism(name: str, build: Callable[..., Mechanism]) -> KindDescription:
         tuple(details(build)),
         tuple(parameters),
         tuple(options),
-        tuple(base),
+        tuple(Entry(name, "", unit, text) for name, unit, text in base),
     )
 
 
@@ -206,20 +200,14 @@ def _of_parameter(law: type, name: str) -> str:
 
 def _described(name: str, kind: Kind) -> KindDescription:
     defaults = kind.defaults({})
-    parts = kind.parts
     settings = []
     for setting in kind.settings:
         choices = [choice for choice in kind.choices if choice.key == setting]
-        if choices and setting not in defaults:
-            settings.append(_choice(kind, setting, choices))
-            continue
-        all_parts = (*parts, *(part for choice in kind.choices for part in choice.parts))
-        settings.append(_setting(setting, _first_default(kind, setting), all_parts))
-    law = parts[-1]
-    words = [summary(part) for part in (parts[:-1] if len(parts) > 1 else ())]
-    return KindDescription(
-        name, summary(law), (*words, *details(law)), _parameters(law), tuple(settings)
-    )
+        is_choice = choices and setting not in defaults
+        settings.append(_choice(kind, setting, choices) if is_choice else _setting(kind, setting))
+    *outer, law = kind.parts
+    words = (*map(summary, outer), *details(law))
+    return KindDescription(name, summary(law), words, _parameters(law), tuple(settings))
 
 
 def _first_default(kind: Kind, setting: str) -> Any:
@@ -242,8 +230,8 @@ def _choice(kind: Kind, name: str, choices: list[Choice]) -> Entry:
     return Entry(name, _toml(usual[0]) if usual else "", "", " ".join(said))
 
 
-def _setting(name: str, default: Any, parts: Iterable[Any]) -> Entry:
-    parts = tuple(parts)
+def _setting(kind: Kind, name: str) -> Entry:
+    default, parts = _first_default(kind, name), [part for form in kind.forms for part in form]
     said = next(filter(None, (_said(part, name) for part in parts)), "")
     allowed = next(filter(None, (_allowed(part, name) for part in parts)), "")
     words = said if not allowed or allowed in said else f"{allowed}; {said}".strip("; ")
@@ -275,8 +263,4 @@ def _toml(value: Any) -> str:
     """A value as TOML has it; "none" stands for a setting that is left out."""
     if value is None:
         return "none"
-    return (
-        json.dumps(value)
-        if isinstance(value, bool | int | float | str | tuple | dict)
-        else str(value)
-    )
+    return json.dumps(value) if isinstance(value, int | float | str | tuple | dict) else str(value)

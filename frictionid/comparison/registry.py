@@ -6,7 +6,7 @@ declared there and nowhere else.
 
 import inspect
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_type_hints
@@ -91,9 +91,14 @@ class Kind:
     internal: frozenset[str] = frozenset()
 
     @property
+    def forms(self) -> tuple[tuple[Part, ...], ...]:
+        """Parts by default, and those of each choice."""
+        return self.parts, *(choice.parts for choice in self.choices)
+
+    @property
     def settings(self) -> tuple[str, ...]:
         """Names of all settings, whatever is chosen."""
-        names = [name for parts in self._forms() for name in self._arguments(parts)]
+        names = [name for parts in self.forms for name in self._arguments(parts)]
         return tuple(dict.fromkeys([*(choice.key for choice in self.choices), *names]))
 
     def defaults(self, table: Mapping[str, Any]) -> dict[str, Any]:
@@ -141,14 +146,15 @@ class Kind:
             fields[key] = self._type_of_choice(key), None
         for key in table:
             if key in other and key not in arguments:
-                _check_default(key, table[key], other[key], self._arguments(other[key].parts))
+                choice = other[key]
+                if table[key] != self._arguments(choice.parts)[key].default:
+                    raise InputError(
+                        f"{key} = {json.dumps(table[key], default=str)} needs "
+                        f"{choice.key} = {json.dumps(choice.value)}"
+                    )
             elif key not in fields:
                 raise InputError(unknown(key, self.settings))
         return _validated(fields, {key: table[key] for key in table if key in fields})
-
-    def _forms(self) -> Iterator[tuple[Part, ...]]:
-        yield self.parts
-        yield from (choice.parts for choice in self.choices)
 
     def _chosen(self, table: Mapping[str, Any]) -> tuple[Part, ...]:
         """The parts that a table chooses."""
@@ -169,17 +175,6 @@ class Kind:
     def _type_of_choice(self, key: str) -> Any:
         values = tuple(choice.value for choice in self.choices if choice.key == key)
         return bool if isinstance(values[0], bool) else Literal[values]
-
-
-def _check_default(
-    key: str, value: Any, choice: Choice, arguments: Mapping[str, inspect.Parameter]
-) -> None:
-    """Complain about a setting of parts that are not chosen, but for its default."""
-    if value != arguments[key].default:
-        raise InputError(
-            f"{key} = {json.dumps(value, default=str)} needs "
-            f"{choice.key} = {json.dumps(choice.value)}"
-        )
 
 
 def _validated(fields: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:

@@ -174,12 +174,13 @@ def _true_parameters(dataset: Dataset) -> dict[str, Any]:
     if "rig" in table:
         calibration, mechanism = table["rig"], dataset.mechanism
         base = mechanism.base(mechanism.nominal(calibration.get("parameters", {})))
-        out |= {"inertia": dict(zip(mechanism.base_names, base.tolist(), strict=True))}
         out |= {
+            "inertia": dict(zip(mechanism.base_names, base.tolist(), strict=True)),
             "delay": calibration.get("torque_delay", 0.0),
             "gain": calibration.get("torque_gain", 1.0),
+            "bias": 0.0,
+            "offset": 0.0,
         }
-        out |= {"bias": 0.0, "offset": 0.0}
     return out
 
 

@@ -274,12 +274,9 @@ def blocks_of(
         if name not in free:
             raise InputError(f"{where}: a prior of block {name!r}, which is not free")
     distinct(list(free), "blocks")
-    stay = _fixed(fixed, free, where)
+    options: dict[str, Mapping[str, Any]] = {"prior": priors, "fixed": _fixed(fixed, free, where)}
     return tuple(
-        BLOCKS[name](
-            **({"prior": priors[name]} if name in priors else {}),
-            **({"fixed": stay[name]} if name in stay else {}),
-        )
+        BLOCKS[name](**{key: part[name] for key, part in options.items() if name in part})
         for name in free
     )
 
