@@ -22,10 +22,10 @@ from frictionid.friction.model_files import LAWS, save_model
 from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.report import show_fit
 from frictionid.report.console import printed, printed_html, say
-from frictionid.report.estimates import estimate_frame
 from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
+from frictionid.report.numbers import estimate_frame
 
 from .evaluate import evaluate, predict
 from .models import dataset_of, numbers

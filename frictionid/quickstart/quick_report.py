@@ -25,7 +25,6 @@ from frictionid.pictures import as_html, drawn
 from frictionid.report.candidates import Measure
 from frictionid.report.console import console, printed, printed_html, say
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
-from frictionid.report.estimates import added
 from frictionid.report.figures.style import (
     COLOURS,
     DARK,
@@ -36,7 +35,7 @@ from frictionid.report.figures.style import (
     velocity_axis,
 )
 from frictionid.report.figures.style import line as key_line
-from frictionid.report.numbers import NOTHING, factor, norm_unit, short
+from frictionid.report.numbers import NOTHING, added, factor, norm_unit, short
 from frictionid.report.shooting_results import MANY
 from frictionid.report.tables import Table, table_of, text_columns
 from frictionid.report.terminal import parameter_table, show_torque_left

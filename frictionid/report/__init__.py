@@ -4,7 +4,7 @@ sections       models, data sets and scores, sorted by what was fitted
 candidates, plausibility, questions, memory, shooting_results    facts and decisions
 verdict        which model the evidence supports; verdict_table: its table and its document
 templates      their words; tables: fills them, and one table as Markdown, LaTeX, for the terminal
-numbers        numbers as text; estimates: those of shooting
+numbers        numbers as text, and those of shooting
 *_table        the tables of a report
 figures        the pictures by theme: scores, curves, motion, fits, studies; style: what they share
 exhibits       which tables and figures there are

@@ -15,8 +15,7 @@ from frictionid.evaluation.statistics import FEWEST
 from frictionid.friction import Law
 from frictionid.friction.model_files import LAWS, read_model
 
-from .estimates import digits, interval, mark_of, rounded
-from .numbers import MINUS, NOTHING, either, fixed, short
+from .numbers import MINUS, NOTHING, digits, either, fixed, interval, mark_of, rounded, short
 from .sections import ANY, Model, Section, SummaryData, rollout
 from .tables import Cell, Column, Table, line, table_of, text_columns
 

@@ -1,6 +1,6 @@
 """Results of shooting as facts: the machine and its sensors, and what is not identified."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -11,7 +11,9 @@ from scipy.special import stdtrit
 from frictionid.fitting.parameters.parameter_block import IDEAL
 from frictionid.friction.provenance import Estimate, Estimates
 
-from .estimates import (
+from .numbers import (
+    MINUS,
+    NOTHING,
     change,
     digits,
     estimate_frame,
@@ -19,10 +21,8 @@ from .estimates import (
     mark_of,
     names_of,
     span,
-    true_value,
     value_text,
 )
-from .numbers import MINUS, NOTHING
 from .sections import DataDescription, Model
 from .tables import Cell, Line, Table, line, render, table_of, text_columns
 
@@ -30,7 +30,7 @@ LATE = ("delay", "target_delay")
 LIKE_DELAY = ("viscous", "lag")  # friction parameters that a late torque styles like
 
 
-def shooting_results(refined: Estimates, data: DataDescription | None = None) -> dict[str, Any]:
+def shooting_results(refined: Estimates, data: DataDescription | None) -> dict[str, Any]:
     """What a fit by shooting tells beside friction, and what limits it, for the templates.
 
     data : knows true values
@@ -146,6 +146,15 @@ def groups(read: Sequence[Estimate], joints: Sequence[str]) -> Iterator[tuple[st
     return ((name, list(members)) for name, members in groupby(read, key=group))
 
 
+def true_value(e: Estimate, data: DataDescription | None) -> float | None:
+    """Value by the simulation, None where it is not known; a sensor's is that of all joints."""
+    value = None if data is None else data.true_parameters.get(e.block)
+    if isinstance(value, Mapping):
+        value = value.get(e.parameter)
+        value = value[e.joint] if isinstance(value, list) and e.joint is not None else value
+    return None if value is None else float(value)
+
+
 def interval_numbers(model: Model, data: DataDescription) -> pd.DataFrame:
     """Every parameter in numbers, one line each: identifier, recipe, and all of `estimate_frame`.
 
@@ -159,7 +168,7 @@ def interval_numbers(model: Model, data: DataDescription) -> pd.DataFrame:
 
 
 def interval_table(
-    model: Model, dataset: str, data: DataDescription, fixed: Sequence[Model] = ()
+    model: Model, dataset: str, data: DataDescription, fixed: Sequence[Model]
 ) -> Table:
     """Table of the parameters with intervals, beside their nominal and true values.
 
@@ -187,7 +196,17 @@ def interval_table(
             cells += [_beside(values.get(e.name), e) for values in beside.values()]
             lines.append(line(cells, name))
     label = f"shooting-{dataset}-{model.label}-{model.recipe}"
-    return table_of(heads, lines, _caption(model, dataset, data, nominal), label)
+    refined = model.refined or Estimates()
+    among = "recordings" if refined.clusters <= data.recordings else "stretches of time"
+    caption = (
+        f"{dataset}: parameters of {model.label} by {model.scheme} (recipe {model.recipe}), from "
+        f"all data; 95 % intervals from the scatter between {refined.clusters} {among} "
+        f"(t distribution, {refined.freedom} degrees of freedom). "
+        f"{'Converged' if refined.settled else 'Not converged'} after {refined.iterations} "
+        "iterations."
+    )
+    caption += " Nominal: by the data set's mechanism and log." * nominal
+    return table_of(heads, lines, caption, label)
 
 
 def given_numbers(model: Model, read: Sequence[Estimate]) -> dict[str, float]:
@@ -219,20 +238,6 @@ def _beside(value: float | None, e: Estimate) -> str:
         return NOTHING
     text = f"{value:g}" if value == round(value) else digits(value, e.error)
     return text.replace("-", MINUS)
-
-
-def _caption(model: Model, dataset: str, data: DataDescription, nominal: bool) -> str:
-    refined = model.refined or Estimates()
-    clusters = refined.clusters
-    among = "recordings" if clusters <= data.recordings else "stretches of time"
-    text = (
-        f"{dataset}: parameters of {model.label} by {model.scheme} (recipe {model.recipe}), from "
-        f"all data; 95 % intervals from the scatter between {clusters} {among} (t distribution, "
-        f"{refined.freedom} degrees of freedom). "
-        + ("Converged" if refined.settled else "Not converged")
-        + f" after {refined.iterations} iterations."
-    )
-    return f"{text} Nominal: by the data set's mechanism and log." if nominal else text
 
 
 def window_numbers(refined: Estimates) -> pd.DataFrame:

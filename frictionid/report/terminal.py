@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import pandas as pd
 
@@ -15,7 +14,7 @@ from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 
 from .console import console, say
-from .estimates import interval_text, value_text
+from .numbers import interval_text, value_text
 from .sections import Section, sections_of
 from .shooting_results import shooting_words
 from .side_by_side import SideBySide, change_table, comparable_lines, score_table
@@ -35,8 +34,12 @@ from .verdict import verdict_of
 
 def show(results: Results) -> None:
     """Print the summary tables of a comparison, the verdict, and last a path to click on."""
+    from rich.style import Style
+    from rich.text import Text
+
     show_summary(results)
-    _print_link((results.folder / "index.html").resolve())
+    path = (results.folder / "index.html").resolve()
+    say(Text(str(path), style=Style(link=path.as_uri() if console().is_terminal else None)))
 
 
 def show_summary(results: Results) -> None:
@@ -195,10 +198,3 @@ def _print_summary(summary: Summary, title: str) -> None:
         if max(line.cell_len for line in lines) <= out.width:
             break
     say(Text(title, style="bold"), *lines, Text())
-
-
-def _print_link(path: Path) -> None:
-    from rich.style import Style
-    from rich.text import Text
-
-    say(Text(str(path), style=Style(link=path.as_uri() if console().is_terminal else None)))

@@ -16,8 +16,7 @@ from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
 from frictionid.evaluation.statistics import FEWEST, REGION
 
 from .candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge, under
-from .estimates import added
-from .numbers import factor
+from .numbers import added, factor
 from .plausibility import FAILED, NOT_EVALUATED
 from .questions import Asked, Question, questions_to, unanswered
 from .sections import ANY, Model, Section, SummaryData, rollout
@@ -111,7 +110,10 @@ def verdict_of(section: Section) -> Verdict:
         reason = f"errors are known of {groups} recordings or folds, and {FEWEST} are needed"
     else:
         reason = "no model's predictions are finite in every recording"
-        choice, candidates = _judged(candidates, recipe)
+        of_recipe = [c for c in under(candidates, recipe) if len(c.errors.group)]
+        others = [c for c in candidates if c not in of_recipe]
+        choice, compared = judged(of_recipe, others)
+        candidates = [*compared, *others]
     verdict = Verdict(
         dataset=data.dataset,
         horizon=measure.horizon,
@@ -140,14 +142,6 @@ def measure_of(data: SummaryData) -> Measure:
         return Measure()
     horizon = min(data.reported, key=lambda h: abs(h - HORIZON), default=float("nan"))
     return Measure(horizon, data.description.angle_unit)
-
-
-def _judged(candidates: Sequence[Candidate], recipe: str) -> tuple[Choice, list[Candidate]]:
-    """The choice among those of a recipe, which come first, with how they stand."""
-    of_recipe = [c for c in under(candidates, recipe) if len(c.errors.group)]
-    others = [c for c in candidates if c not in of_recipe]
-    choice, compared = judged(of_recipe, others)
-    return choice, [*compared, *others]
 
 
 def _decided(

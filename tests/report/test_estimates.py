@@ -3,7 +3,7 @@
 import pytest
 
 from frictionid.friction.provenance import Estimate, Estimates
-from frictionid.report.estimates import added
+from frictionid.report.numbers import added
 
 
 def fitted(*names):

@@ -18,8 +18,7 @@ from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
 from frictionid.friction.provenance import Pooled as Specimens
 from frictionid.friction.provenance import Provenance
-from frictionid.report.estimates import digits, interval
-from frictionid.report.numbers import short
+from frictionid.report.numbers import digits, interval, short
 from frictionid.report.tables import Table, table_of, terminal_text, text_columns
 
 from .models import Key, check_alike, estimates, place_of, pooled, with_parameters
