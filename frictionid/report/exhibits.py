@@ -276,8 +276,10 @@ def example_pictures(
     model: Model | None, data: SummaryData, names: Names, stem: str
 ) -> Iterator[Picture]:
     """Best, median and worst prediction of one model."""
-    figure = model and example_motions(model, data, names.styles[model.label])
-    if model is not None and figure is not None:
+    if model is None:
+        return
+    figure = example_motions(model, data, names.styles[model.label])
+    if figure is not None:
         band = "; band: 95 % interval of the prediction, by what leaving out each fold changes"
         caption = (
             f"Best, median and worst prediction of {model.name}, {data.dataset}, {data.novelty}"

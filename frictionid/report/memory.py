@@ -6,7 +6,6 @@ never memory; what the corrected recipes leave may be.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -214,8 +213,7 @@ class Method(NamedTuple):
 RAW = Method("euler", frozenset())
 
 
-@dataclass(frozen=True)
-class Advantage:
+class Advantage(NamedTuple):
     """The best models without and with memory under one method, and the error that memory saves."""
 
     static: Model

@@ -48,7 +48,7 @@ class Check(NamedTuple):
     high: float = float("nan")
 
 
-def checks_of(model: Model, data: SummaryData, control: Control | None = None) -> tuple[Check, ...]:
+def checks_of(model: Model, data: SummaryData, control: Control | None) -> tuple[Check, ...]:
     """All checks of a model with friction torques; none of others, which have no friction.
 
     data : the data set that it was fitted to

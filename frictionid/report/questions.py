@@ -4,7 +4,7 @@ Models are compared with models of the same recipe: another one corrects the dat
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,7 @@ DISSIPATION = ("dissipation", "cycle_work")  # checks
 LEVELS_ONLY = ("coulomb_viscous",)  # laws, by their names in files
 
 
-@dataclass(frozen=True)
-class Question:
+class Question(NamedTuple):
     """A question to the comparison: its answer, or "not_evaluated", and the reason in a sentence.
 
     evidence : numbers behind the answer, by their names
@@ -33,8 +32,7 @@ class Question:
     evidence: Mapping[str, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Asked:
+class Asked(NamedTuple):
     """What the questions are put to.
 
     candidates : of the fitted data; recommended : the one that is used until further data decide
@@ -93,7 +91,9 @@ def _contrast(
 
     Within the recipe that fitted both, of several that of the lowest error.
     """
-    shared = _recipes(first, second)
+    # what no recipe changes belongs to each of them
+    recipes = dict.fromkeys(c.model.recipe for c in (*first, *second))
+    shared = [r for r in recipes if under(first, r) and under(second, r)]
     contrasts = {r: contrast(under(first, r), under(second, r)) for r in shared}
     judged = {r: c for r, c in contrasts.items() if c is not None}
     if not judged:
@@ -112,12 +112,6 @@ def _contrast(
         f"geometric means of errors: {errors}."
     )
     return judged[recipe].answer, reason, between._asdict()
-
-
-def _recipes(first: Sequence[Candidate], second: Sequence[Candidate]) -> list[str]:
-    """Recipes that have models of both groups; what no recipe changes belongs to each of them."""
-    names = list(dict.fromkeys(c.model.recipe for c in (*first, *second)))
-    return [r for r in names if under(first, r) and under(second, r)]
 
 
 def _between(first: set[str], second: set[str], missing: str) -> Callable[[Asked], Answer]:

@@ -50,7 +50,7 @@ def studies(frame: pd.DataFrame) -> Iterator[tuple[Any, pd.DataFrame]]:
 
 
 def write_sensitivity(
-    folder: Path, frame: pd.DataFrame, provenance: Mapping[str, Any], *, replace: bool = False
+    folder: Path, frame: pd.DataFrame, provenance: Mapping[str, Any], *, replace: bool
 ) -> Path:
     """Path of the page written, with sensitivity.csv, tables and pictures beside it.
 
@@ -108,7 +108,7 @@ def write_outcome(
     objective: Objective,
     file: Path,
     *,
-    replace: bool = False,
+    replace: bool,
 ) -> Path:
     """Path of the page written, with trials.csv and a suite for each data set beside it.
 

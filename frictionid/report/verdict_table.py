@@ -78,15 +78,9 @@ def verdict_table(verdict: Verdict, numbers: pd.DataFrame) -> Table:
         (Column("model", words=True), numbers["model"]),
         (Column("effective parameters"), [fixed(v, int(abs(v - round(v)) > 0.05)) for v in counts]),
         (Column(at, "error", verdict.unit), [fixed(v, decimals(errors)) for v in errors]),
-        (
-            Column("times as far off [80 %]", "implied"),
-            [_effect(row) for _, row in numbers.iterrows()],
-        ),
-        (
-            Column("times as far off", "measured"),
-            list(map(factor, numbers["measured"])),
-        ),
-        (Column("worse", "probability"), list(map(percent, numbers["worse"]))),
+        (Column("times as far off [80 %]", "implied"), numbers.apply(_effect, axis=1)),
+        (Column("times as far off", "measured"), map(factor, numbers["measured"])),
+        (Column("worse", "probability"), map(percent, numbers["worse"])),
         (Column("standing", words=True), numbers["standing"]),
     ]
     for name in ("aic", "bic") if numbers["aic"].notna().any() else ():
@@ -98,7 +92,15 @@ def verdict_table(verdict: Verdict, numbers: pd.DataFrame) -> Table:
         parts.append((Column("implausible", words=True), implausible))
     best = [model == verdict.recommended for model in numbers["model"]]
     shown = [(column, list(map(Cell, texts, best))) for column, texts in parts]
-    return by_columns(_caption(verdict), f"verdict-{verdict.dataset}", shown)
+    by = f" by recipe {verdict.recipe}" if verdict.recipe else ""
+    caption = (
+        f"{verdict.dataset}: error against complexity of the models{by}, median of predictions of "
+        f"{verdict.recordings} recordings, held out in {verdict.folds} folds. Times as far off, "
+        "against the best model: implied by the distance of both predictions, and measured. "
+        "Practically worse: by more than a tenth. Effective parameters: trace of the hat matrix; "
+        "of shooting and of a calibration those that the data determine; of networks all weights."
+    )
+    return by_columns(caption, f"verdict-{verdict.dataset}", shown)
 
 
 def marked(table: Table, verdict: Verdict) -> Table:
@@ -113,17 +115,6 @@ def marked(table: Table, verdict: Verdict) -> Table:
     lines = tuple(row._replace(cells=tuple(map(mark, row.cells))) for row in table.lines)
     caption = f"{table.caption} {DAGGER} Not plausible, see the summary."
     return table._replace(lines=lines, caption=caption)
-
-
-def _caption(verdict: Verdict) -> str:
-    by = f" by recipe {verdict.recipe}" if verdict.recipe else ""
-    return (
-        f"{verdict.dataset}: error against complexity of the models{by}, median of predictions of "
-        f"{verdict.recordings} recordings, held out in {verdict.folds} folds. Times as far off, "
-        "against the best model: implied by the distance of both predictions, and measured. "
-        "Practically worse: by more than a tenth. Effective parameters: trace of the hat matrix; "
-        "of shooting and of a calibration those that the data determine; of networks all weights."
-    )
 
 
 def _effect(row: pd.Series) -> str:

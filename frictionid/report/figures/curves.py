@@ -1,7 +1,7 @@
 """Friction curves: folds, truth, and bands of shooting."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from frictionid.arrays import Array
 from frictionid.evaluation.curves import slow_speed
 from frictionid.evaluation.predicted_motion import jackknife_width
 from frictionid.evaluation.statistics import FEWEST
+from frictionid.friction.provenance import Bands
 
 from ..sections import DataDescription, Model, Section
 from .style import (
@@ -19,16 +20,16 @@ from .style import (
     PALE,
     Styles,
     draw_truth,
+    figure,
     frame,
     key_above,
-    label_panels,
     line,
     measured,
     model_title,
     most,
-    paired_panels,
     panels,
     patch,
+    plain,
     side_by_side,
     truth_key,
     unmeasured_patch,
@@ -140,19 +141,10 @@ def _folds(axis: Any, w: Array, curves: Array, colour: str) -> None:
 STRONG, WEAK = 0.5, 0.22  # opacity of the pointwise and the simultaneous band
 
 
-class Band(NamedTuple):
-    """Curve (V,) of a joint at velocities (V,), with half-widths (V,)."""
-
-    velocity: Array
-    curve: Array
-    pointwise: Array
-    simultaneous: Array
-
-
-def band_of(model: Model, joint: int) -> Band:
-    """A joint's band."""
+def band_of(model: Model, joint: int) -> Bands:
+    """A joint's curve (V,) at velocities (V,), with half-widths (V,)."""
     assert model.refined is not None and model.refined.bands is not None
-    return Band(*(part[:, joint] for part in model.refined.bands[:4]))
+    return Bands(*(part[:, joint] for part in model.refined.bands[:4]))
 
 
 def curve_and_band(model: Model, data: DataDescription, joint: int) -> tuple[Array, Array, Array]:
@@ -177,28 +169,37 @@ def curve_bands(section: Section, styles: Styles) -> list[Any]:
 def _bands_picture(section: Section, shown: Sequence[Model], styles: Styles) -> Any:
     """Curves of the shown models and, below each, its bands, on the axes of all models."""
     data = section.description
-    picture, axes = paired_panels(len(shown), data)
-    for joint in range(len(data.joints)):
+    joints = len(data.joints)
+    picture = figure(0.55 + 2.5 * joints)
+    heights = {"height_ratios": [1.0, 1 / 1.5] * joints}
+    axes = picture.subplots(2 * joints, len(shown), squeeze=False, gridspec_kw=heights)
+    for joint, name in enumerate(data.joints):
         bands = {model: band_of(model, joint) for model in section.shot}
         high = 1.12 * max(_height(band, data, joint) for band in bands.values())
         ends = {model: _near(model, band, data, joint) for model, band in bands.items()}
         scale, prefix = prefixed(max(ends.values()))
-        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{data.torque_units[joint]}]")
+        unit = data.torque_units[joint]
+        axes[2 * joint, 0].set_ylabel(f"{plain(name)}\n[{unit}]")
+        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{unit}]")
         for c, model in enumerate(shown):
             band, colour = bands[model], styles[model.label].colour
             upper, lower = axes[2 * joint : 2 * joint + 2, c]
+            upper.tick_params(labelbottom=False, labelleft=c == 0)
             frame(upper, band.velocity, data, joint, high)
             _fill(upper, band, colour)
             upper.plot(band.velocity, band.curve, color=colour, linewidth=1.2)
             draw_truth(upper, data, joint)
             frame(lower, band.velocity, data, joint, scale * ends[model])
             halves = (scale * half for half in (band.pointwise, band.simultaneous))
-            _fill(lower, Band(band.velocity, 0.0 * band.curve, *halves), colour)
+            _fill(lower, Bands(band.velocity, 0.0 * band.curve, *halves), colour)
             lower.axhline(0, color=colour, linewidth=1.2)
             off = error_to_truth(model, data, joint)
             if off is not None:
                 lower.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=DASHED)
-    label_panels(picture, axes, shown, data, styles)
+    for axis, model in zip(axes[0], shown, strict=True):
+        model_title(axis, model, styles)
+    picture.align_ylabels(axes[:, 0])
+    picture.supxlabel(f"velocity [{data.velocity_unit}]")
     key = {
         "fit to all data": line(GREY),
         "95 % at each velocity": patch(GREY, STRONG + WEAK / 2),
@@ -209,13 +210,13 @@ def _bands_picture(section: Section, shown: Sequence[Model], styles: Styles) -> 
     return picture
 
 
-def _height(band: Band, data: DataDescription, joint: int) -> float:
+def _height(band: Bands, data: DataDescription, joint: int) -> float:
     """How high a curve reaches with its band, where the joint moved."""
     inside = measured(band.velocity, data, joint)
     return most([(np.abs(band.curve) + np.nan_to_num(band.simultaneous))[inside]])
 
 
-def _near(model: Model, band: Band, data: DataDescription, joint: int) -> float:
+def _near(model: Model, band: Bands, data: DataDescription, joint: int) -> float:
     """End of an axis that shows the band about a curve, and the truth if it is not far from it."""
     inside = measured(band.velocity, data, joint)
     parts = [band.simultaneous[inside]]
@@ -226,7 +227,7 @@ def _near(model: Model, band: Band, data: DataDescription, joint: int) -> float:
     return 1.12 * most(parts)
 
 
-def _fill(axis: Any, band: Band, colour: str) -> None:
+def _fill(axis: Any, band: Bands, colour: str) -> None:
     for half, alpha in ((band.simultaneous, WEAK), (band.pointwise, STRONG)):
         edges = band.curve - half, band.curve + half
         axis.fill_between(band.velocity, *edges, color=colour, alpha=alpha, linewidth=0)

@@ -8,8 +8,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import EstimatedStates, curves, speeds, velocity_grid
-from frictionid.evaluation.curves import steady_state
+from frictionid.evaluation import EstimatedStates, curves, speeds, steady_state, velocity_grid
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction

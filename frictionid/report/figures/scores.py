@@ -111,6 +111,8 @@ SHORT_DOTS = (0, (1, 1.4))
 
 def rollout_errors(section: Section, styles: Styles) -> Any:
     """Angle errors over the horizon, a panel for each data set and recipe; None without any."""
+    from matplotlib.ticker import NullLocator
+
     horizons, description = section.fitted.horizons, section.description
     if not horizons:
         return None
@@ -130,7 +132,11 @@ def rollout_errors(section: Section, styles: Styles) -> Any:
         axis.grid()
     for axis in axes[:, 0]:
         axis.set_ylabel(f"{description.coordinate} error [{description.angle_unit}]")
-    _scales(axes[0, 0], horizons)
+    axis = axes[0, 0]  # all share its scales
+    axis.set_xscale("log")
+    axis.set_xticks(horizons, [f"{h:g}" for h in horizons])
+    axis.xaxis.set_minor_locator(NullLocator())
+    plain_logarithm(axis)
     picture.supxlabel("horizon [s]")
     labels = dict.fromkeys(model.label for model in section.models)
     median = line("black")
@@ -155,16 +161,6 @@ def _errors(axis: Any, data: SummaryData, model: Model, style: Style) -> None:
             upper = axis.get_xaxis_transform()
             arrows = {"color": style.colour, "markersize": 5, "transform": upper, "clip_on": False}
             axis.plot(infinite, np.ones(len(infinite)), "^", **arrows)
-
-
-def _scales(axis: Any, horizons: tuple[float, ...]) -> None:
-    """Logarithmic axes, which all panels share, with plain numbers."""
-    from matplotlib.ticker import NullLocator
-
-    axis.set_xscale("log")
-    axis.set_xticks(horizons, [f"{h:g}" for h in horizons])
-    axis.xaxis.set_minor_locator(NullLocator())
-    plain_logarithm(axis)
 
 
 MARKERS = {"none": "s", "given": "D", "truth": "*"}  # others have those of their recipes
@@ -264,7 +260,12 @@ def errors_of_models(section: Section, styles: Styles) -> Any:
         height += 0.3
     axis.set_yticks(list(names), list(names.values()))
     axis.set_ylim(height - 0.3, -0.8)
-    _error_scale(axis, shown)
+    values = np.concatenate([[c.error, *c.by_fold] for c in shown])
+    values = values[np.isfinite(values) & (values > 0)]
+    plain_logarithm(axis, "x")
+    axis.set_xlim(0.85 * values.min(), 1.15 * values.max())
+    axis.grid(axis="x")
+    axis.tick_params(axis="y", length=0)
     axis.set_xlabel(f"{verdict.measure.of_what}, held out")
     key = {"median of all predictions": marker(DARK, "|", 8), "a fold": marker(GREY, "o", 3)}
     if verdict.provisional:
@@ -291,13 +292,3 @@ def _candidate_errors(
     text, place = short(candidate.error), {"xycoords": ("axes fraction", "data"), "va": "center"}
     weight = "bold" if name else "normal"
     axis.annotate(text, (1.01, height), **place, fontsize=7, weight=weight)
-
-
-def _error_scale(axis: Any, shown: Sequence[Candidate]) -> None:
-    """A logarithmic axis of errors with plain numbers."""
-    values = np.concatenate([[c.error, *c.by_fold] for c in shown])
-    values = values[np.isfinite(values) & (values > 0)]
-    plain_logarithm(axis, "x")
-    axis.set_xlim(0.85 * values.min(), 1.15 * values.max())
-    axis.grid(axis="x")
-    axis.tick_params(axis="y", length=0)

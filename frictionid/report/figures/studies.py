@@ -38,9 +38,11 @@ def progress(studies: Sequence[Study], objective: Objective) -> Any:
     thin = {"linewidth": 0.5, "alpha": 0.4, "zorder": 2}
     for axis, tuned in zip(axes, tasks, strict=True):
         for study in tuned:
-            trials = np.arange(1, len(study.trials) + 1)
+            values = np.array([trial.value for trial in study.trials])
+            lowest = np.minimum.accumulate(np.where(np.isnan(values), np.inf, values))
+            trials = np.arange(1, len(values) + 1)
             style = thick if study.fold is None else thin
-            axis.step(trials, _lowest(study), where="post", color=colours[study.sampler], **style)
+            axis.step(trials, lowest, where="post", color=colours[study.sampler], **style)
         axis.set_title(plain(tuned[0].task.title), fontsize=7, loc="left")
         axis.locator_params(axis="x", integer=True, nbins=6)
     unit = "rad" if objective.horizon is not None else "rad/s"
@@ -48,11 +50,6 @@ def progress(studies: Sequence[Study], objective: Objective) -> Any:
     picture.supylabel(f"{objective.words} [{unit}]")
     key_above(picture, {name: line(colour) for name, colour in colours.items()})
     return picture
-
-
-def _lowest(study: Study) -> Array:
-    values = np.array([trial.value for trial in study.trials])
-    return np.minimum.accumulate(np.where(np.isnan(values), np.inf, values))
 
 
 PARTS = ("training", "held_out")

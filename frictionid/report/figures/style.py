@@ -218,34 +218,6 @@ def panels(
     return picture
 
 
-def paired_panels(columns: int, data: DataDescription) -> tuple[Any, Any]:
-    """A figure and its axes (2 n, columns); each lower panel is two thirds as tall."""
-    joints = len(data.joints)
-    picture = figure(0.55 + 2.5 * joints)
-    heights = {"height_ratios": [1.0, 1 / 1.5] * joints}
-    axes = picture.subplots(2 * joints, columns, squeeze=False, gridspec_kw=heights)
-    for c in range(columns):
-        for axis in axes[::2, c]:
-            axis.tick_params(labelbottom=False, labelleft=c == 0)
-    return picture, axes
-
-
-def label_panels(
-    picture: Any,
-    axes: Any,
-    models: Sequence[Model],
-    data: DataDescription,
-    styles: Styles,
-) -> None:
-    """Titles of the columns, and the joints' names at the upper panels."""
-    for joint, name in enumerate(data.joints):
-        axes[2 * joint, 0].set_ylabel(f"{plain(name)}\n[{data.torque_units[joint]}]")
-    for axis, model in zip(axes[0], models, strict=True):
-        model_title(axis, model, styles)
-    picture.align_ylabels(axes[:, 0])
-    picture.supxlabel(f"velocity [{data.velocity_unit}]")
-
-
 def model_title(axis: Any, model: Model, styles: Styles) -> None:
     """The model's name in its colour above a panel."""
     axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
