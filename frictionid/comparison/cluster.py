@@ -159,7 +159,10 @@ def _submitted(
     name, wanted = f"frictionid-calls-{uuid.uuid4().hex}", _wanted()
     return [
         client.submit(
-            *(_called, wanted, contents[id(call[0])], cloudpickle.dumps((work, call[1:]))),
+            _called,
+            wanted,
+            contents[id(call[0])],
+            cloudpickle.dumps((work, call[1:])),
             key=(name, i),
         )
         for i, call in enumerate(calls)

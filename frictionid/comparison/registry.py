@@ -143,7 +143,8 @@ class Kind:
             for name, a in arguments.items()
         }
         for key in {choice.key for choice in self.choices} - {*arguments, *other}:
-            fields[key] = self._type_of_choice(key), None
+            values = tuple(choice.value for choice in self.choices if choice.key == key)
+            fields[key] = bool if isinstance(values[0], bool) else Literal[values], None
         for key in table:
             if key in other and key not in arguments:
                 choice = other[key]
@@ -171,10 +172,6 @@ class Kind:
                 if a.name not in self.internal:
                     out[a.name] = a.replace(annotation=types[a.name])
         return out
-
-    def _type_of_choice(self, key: str) -> Any:
-        values = tuple(choice.value for choice in self.choices if choice.key == key)
-        return bool if isinstance(values[0], bool) else Literal[values]
 
 
 def _validated(fields: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:

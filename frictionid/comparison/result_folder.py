@@ -55,7 +55,7 @@ def lock(
 
 @contextmanager
 def unfinished(
-    folder: Path, suite: str, files: Sequence[str], *, resume: bool = False, replace: bool = False
+    folder: Path, suite: str, files: Sequence[str], *, resume: bool, replace: bool
 ) -> Iterator[Path]:
     """Folder to make a comparison in; at the end it takes the place of an earlier result.
 

@@ -40,14 +40,7 @@ from frictionid.friction.provenance import Provenance, read_provenance
 
 from .cross_validate import PreparedBenchmark
 from .processes import versions
-from .result_folder import (
-    DATASETS,
-    PROVENANCE,
-    Document,
-    place_of,
-    read_sealed,
-    write_sealed,
-)
+from .result_folder import DATASETS, PROVENANCE, Document, place_of, read_sealed, write_sealed
 from .tasks import Outcome, Task, content_of, file_name
 
 COLUMNS = ("suite", "dataset", "identifier", "fit", *SCORE_COLUMNS, "seed")  # of scores.csv

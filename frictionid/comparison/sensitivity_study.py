@@ -17,8 +17,14 @@ from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError, located
-from frictionid.evaluation import curves, prepare, score_model, score_value, steady_state
-from frictionid.evaluation.curves import curve_error
+from frictionid.evaluation import (
+    curve_error,
+    curves,
+    prepare,
+    score_model,
+    score_value,
+    steady_state,
+)
 from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.method import Method
 from frictionid.fitting.parameters import InertiaBlock
@@ -31,13 +37,7 @@ from .result_folder import finished, write_sealed
 from .suite import Suite
 from .suite_tasks import tasks_of
 from .tasks import Task, digest_of, file_name
-from .variations import (
-    SensitivitySettings,
-    Variation,
-    variations_of,
-    varied,
-    with_samples,
-)
+from .variations import SensitivitySettings, Variation, variations_of, varied, with_samples
 
 EVERY = 3  # the last of three recordings is held out
 TRAINING = 0.7  # share of a recording's time, where there are fewer than three
@@ -171,8 +171,8 @@ def run_cases(
     cases: Sequence[Case],
     folder: Path | None = None,
     *,
-    jobs: int = 0,
-    done: Callable[[str], None] = lambda _: None,
+    jobs: int,
+    done: Callable[[str], None],
 ) -> pd.DataFrame:
     """Frame of the results, see `result_frame`; each is one file of the folder, written whole.
 
@@ -249,14 +249,15 @@ def result_frame(cases: Sequence[Case], results: Sequence[dict[str, Any]]) -> pd
         change = curve_error(curve, nominal, grid)
         error = result["curve_error"]
         errors = np.full(len(change), np.nan) if error is None else np.asarray(error, dtype=float)
-        row = {
-            "dataset": task.benchmark.dataset.name,
-            "identifier": task.name,
-            "recipe": task.recipe.name,
-            **{name: getattr(variation, name) for name in ("cause", "name", "text", "amount")},
-            **{key: float(result[key]) for key in ("seconds", "loss", "rollout")},
-            **{f"curve_change_{j + 1}": float(x) for j, x in enumerate(change)},
-            **{f"curve_error_{j + 1}": float(x) for j, x in enumerate(errors)},
-        }
-        rows.append(row)
+        rows.append(
+            {
+                "dataset": task.benchmark.dataset.name,
+                "identifier": task.name,
+                "recipe": task.recipe.name,
+                **{name: getattr(variation, name) for name in ("cause", "name", "text", "amount")},
+                **{key: float(result[key]) for key in ("seconds", "loss", "rollout")},
+                **{f"curve_change_{j + 1}": float(x) for j, x in enumerate(change)},
+                **{f"curve_error_{j + 1}": float(x) for j, x in enumerate(errors)},
+            }
+        )
     return pd.DataFrame(rows)

@@ -18,14 +18,7 @@ from frictionid.fitting.shooting.recipe import PARTS, KnownCalibration, known_ca
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 from frictionid.friction.model_files import load_model
 
-from .registry import (
-    BLOCKS,
-    ESTIMATORS,
-    IDENTIFIERS,
-    RECIPES,
-    Kind,
-    built,
-)
+from .registry import BLOCKS, ESTIMATORS, IDENTIFIERS, RECIPES, Kind, built
 
 Start = Recipe | CalibratedRecipe  # what shooting begins with
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]

@@ -16,13 +16,7 @@ from frictionid.fitting.method import Method, check_method
 from frictionid.mechanics import Mechanism, mechanism_of
 
 from .cross_validate import Benchmark
-from .suite import (
-    DatasetEntry,
-    NamedIdentifier,
-    Suite,
-    check_recipes,
-    identifier_of,
-)
+from .suite import DatasetEntry, NamedIdentifier, Suite, check_recipes, identifier_of
 from .suite_recipes import recipes_of
 from .tasks import Task
 

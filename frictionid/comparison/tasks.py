@@ -25,13 +25,7 @@ from frictionid.friction import Law
 from frictionid.friction.model_files import model_document
 from frictionid.mechanics import Mechanism
 
-from .cross_validate import (
-    Benchmark,
-    PreparedBenchmark,
-    Result,
-    prepare_benchmark,
-    run,
-)
+from .cross_validate import Benchmark, PreparedBenchmark, Result, prepare_benchmark, run
 from .processes import package_digest, side_by_side
 from .result_folder import finished, write_sealed
 
@@ -199,20 +193,16 @@ def results_of(
     if dask is None or not calls:
         results = side_by_side(_run, calls, jobs or cpu_count())
     else:
-        results = _on_cluster(calls, dask)
+        try:
+            from .cluster import on_cluster
+        except ModuleNotFoundError as error:
+            raise InputError(
+                f"a cluster needs the package {error.name}: pip install 'frictionid[dask]'"
+            ) from None
+        results = on_cluster(_run, calls, dask)
     for i, result in results:
         for task in groups[i]:
             yield task, result
-
-
-def _on_cluster(calls: Sequence[tuple[Any, ...]], dask: str) -> Iterator[tuple[int, Outcome]]:
-    try:
-        from .cluster import on_cluster
-    except ModuleNotFoundError as error:
-        raise InputError(
-            f"a cluster needs the package {error.name}: pip install 'frictionid[dask]'"
-        ) from None
-    return on_cluster(_run, calls, dask)
 
 
 def _alike(tasks: Sequence[Task]) -> list[list[Task]]:

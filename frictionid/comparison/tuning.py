@@ -29,12 +29,7 @@ from .search_space import (
     text_of,
 )
 from .tasks import Task
-from .tuning_task import (
-    TuningTask,
-    protocol_for,
-    score_trial,
-    training_benchmark,
-)
+from .tuning_task import TuningTask, protocol_for, score_trial, training_benchmark
 
 Spec = tuple[TuningTask, str, int | None]  # what is tuned, sampler, outer fold, None for all data
 
@@ -96,11 +91,6 @@ class Study:
     def held_out_suite(self) -> float:
         """Score of the suite's settings on the held-out fold, NaN of all data."""
         return self._held_out("suite")
-
-    @property
-    def is_judged(self) -> bool:
-        """Whether scores on the held-out fold are known, or there is none."""
-        return self.fold is None or "held_out" in self.record.user_attrs
 
     def ask(self) -> tuple[Any, dict[str, Any]]:
         """The next trial, and its settings."""
@@ -241,7 +231,8 @@ def tune(
             done(open_[i].name)
     for study in studies:
         _ = study.best  # or there is nothing to choose
-    _score_held_out([study for study in studies if not study.is_judged], data, jobs)
+    nested = [s for s in studies if s.fold is not None and "held_out" not in s.record.user_attrs]
+    _score_held_out(nested, data, jobs)
     return studies
 
 

@@ -17,10 +17,7 @@ from .free_run import (
     trajectory_folds,
     with_motor_torque,
 )
-from .initial_states import (
-    initial_state_folds,
-    make_initial_states,
-)
+from .initial_states import initial_state_folds, make_initial_states
 from .predicted_motion import HorizonErrors, predict, rollout_scores
 from .prepared import (
     CalibratedView,
@@ -40,14 +37,5 @@ from .prepared import (
     without_physics,
 )
 from .score_frame import SCORE_COLUMNS, score_frame, score_value
-from .scoring import (
-    one_step_scores,
-    score_folds,
-    score_model,
-)
-from .torque_left import (
-    nominal_torque_scores,
-    torque_example,
-    torque_frame,
-    torque_left,
-)
+from .scoring import one_step_scores, score_folds, score_model
+from .torque_left import nominal_torque_scores, torque_example, torque_frame, torque_left

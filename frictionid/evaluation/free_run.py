@@ -101,17 +101,18 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
             )
     T = max(map(len, times)) - 1
     clocks = [_lengthened(time, T + 1) for time in times]
+    clock = np.stack(clocks, axis=1)
     each, pairs = temperatures(dataset, clocks), list(zip(dataset.recordings, times, strict=True))
     return Trajectory(
         names=tuple(r.name for r in dataset.recordings),
-        time=np.stack(clocks, axis=1),
+        time=clock,
         q=np.stack([s.q[k] for s, k in zip(states, first, strict=True)]),
         w=np.stack([s.w[k] for s, k in zip(states, first, strict=True)]),
         u=padded([averages(r.torque, time) for r, time in pairs], T, 0.0),
         measured=padded([sample(r.angle, time) for r, time in pairs], T + 1, np.nan),
         servos=servos_of(dataset),
         temperature=None if each is None else np.stack(each, axis=1),
-        base_motion=base_motion_between(dataset.recordings, np.stack(clocks, axis=1)),
+        base_motion=base_motion_between(dataset.recordings, clock),
     )
 
 

@@ -17,9 +17,8 @@ from frictionid.friction import Friction, Inputs, Nodes, along
 from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import Plant
 
-KINDS = ("reversing", "offset")
-# w = A sin, or between these shares of A: never slower than a tenth
-CENTRE, SWING = {"reversing": 0.0, "offset": 0.6}, {"reversing": 1.0, "offset": 0.5}
+# Centre c and swing s of w = A (c + s sin): the second is never slower than a tenth of A.
+KINDS = {"reversing": (0.0, 1.0), "offset": (0.6, 0.5)}
 _SETTLE = 1.0  # [s] at least, before the period that is read
 _FINE = 0.005  # [s] between nodes of memories that advance at any time
 _POINTS = 120  # of a period, at least
@@ -141,9 +140,10 @@ def _sinusoids(
     time = dt * np.arange(count)
     phase = 2 * np.pi * (np.arange(count)[:, None] % steps) / steps
     rate = 2 * np.pi / (steps * dt)
-    w = amplitude * (CENTRE[kind] + SWING[kind] * np.sin(phase))
-    q = CENTRE[kind] * amplitude * time[:, None]
-    q = q - SWING[kind] * amplitude / rate * (np.cos(phase) - 1.0)
+    centre, swing = KINDS[kind]
+    w = amplitude * (centre + swing * np.sin(phase))
+    q = centre * amplitude * time[:, None]
+    q = q - swing * amplitude / rate * (np.cos(phase) - 1.0)
     return steps, time, q, w
 
 

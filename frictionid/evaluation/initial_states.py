@@ -70,11 +70,10 @@ class InitialStates(NamedTuple):
 
     def take(self, rows: Array) -> "InitialStates":
         """Some (k,) of the rollouts, as often as they are asked for."""
-        parts = {name: (getattr(self, name), axis) for name, axis in _AXIS.items()}
-        chosen: dict[str, Any] = {
-            name: None if values is None else np.take(values, rows, axis)
-            for name, (values, axis) in parts.items()
-        }
+        chosen: dict[str, Any] = {}
+        for name, axis in _AXIS.items():
+            values = getattr(self, name)
+            chosen[name] = None if values is None else np.take(values, rows, axis)
         servos = tuple(self.servos[i] for i in rows) if self.servos else ()
         return self._replace(servos=servos, **chosen)
 
@@ -99,8 +98,8 @@ def make_initial_states(
     plant: Plant,
     horizons: Sequence[float],
     *,
-    every: float = 0.25,
-    begin: float = 0.1,
+    every: float,
+    begin: float,
 ) -> InitialStates:
     """Initial states each `every` seconds of every recording from `begin` on, while a horizon fits.
 
@@ -116,8 +115,9 @@ def make_initial_states(
     owner, index, last = _places(dataset.name, states, horizons_, every, begin)
     pairs = list(zip(owner, index, strict=True))
     T = int(last.max())
-    torques = [averages(r.torque, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
-    measured = [sample(r.angle, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
+    each = list(zip(dataset.recordings, states, strict=True))
+    torques = [averages(r.torque, s.time) for r, s in each]
+    measured = [sample(r.angle, s.time) for r, s in each]
     true = true_states(dataset, states)
     steps = [np.diff(s.time)[:, None] for s in states]
     servos = servos_of(dataset)

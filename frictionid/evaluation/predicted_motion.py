@@ -26,13 +26,7 @@ from frictionid.mechanics import Plant
 
 from .free_run import free_run
 from .initial_states import InitialStates, estimate_initial_states
-from .prepared import (
-    Prepared,
-    Protocol,
-    calibrated_views,
-    prepare,
-    prepared_for,
-)
+from .prepared import Prepared, Protocol, calibrated_views, prepare, prepared_for
 from .reference_model import StartErrors
 from .score_frame import Score, parts_of, summarise_rollouts
 from .statistics import FEWEST

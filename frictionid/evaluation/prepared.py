@@ -18,12 +18,7 @@ from frictionid.config import NotNegative, Positive, validated
 from frictionid.data.calibration import Calibration, calibrated_dataset, calibrated_plant
 from frictionid.data.plants import plant_of, refuse_torques, unit_inertia_plant
 from frictionid.data.recordings import Dataset
-from frictionid.data.state_estimators import (
-    Estimator,
-    KalmanFilter,
-    States,
-    without_outliers,
-)
+from frictionid.data.state_estimators import Estimator, KalmanFilter, States, without_outliers
 from frictionid.errors import InputError
 from frictionid.fitting.one_step.formulation import (
     INTEGRAL,
@@ -44,12 +39,7 @@ from .curves import steady_state, velocity_grid
 from .folds import Folds
 from .free_run import Trajectory, make_trajectory, with_motor_torque
 from .hysteresis import HysteresisSettings
-from .initial_states import (
-    InitialStates,
-    make_initial_states,
-    preceding_samples,
-    true_states,
-)
+from .initial_states import InitialStates, make_initial_states, preceding_samples, true_states
 
 
 @validated

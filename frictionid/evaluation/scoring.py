@@ -5,7 +5,7 @@ rollout and every whole recording is then predicted by the friction of the fold 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -32,20 +32,10 @@ from .predicted_motion import (
     ranked_examples,
     rollout_scores,
 )
-from .prepared import (
-    CalibratedView,
-    Prepared,
-    calibrated_views,
-)
+from .prepared import CalibratedView, Prepared, calibrated_views
 from .score_frame import Score, parts_of, score_frame, summarise
 from .statistics import FEWEST
-from .torque_left import (
-    TorqueWindows,
-    has_torque,
-    row_torques,
-    torque_scores,
-    torque_windows,
-)
+from .torque_left import TorqueWindows, has_torque, row_torques, torque_scores, torque_windows
 
 
 def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Array) -> Array:
@@ -104,8 +94,7 @@ class HeldOut(NamedTuple):
     recordings: Array
 
 
-@dataclass(frozen=True, eq=False)
-class _Model:
+class _Model(NamedTuple):
     """F frictions (F, n, P), and the data as each of them sees them."""
 
     friction: Friction
