@@ -56,15 +56,15 @@ class Series(NamedTuple):
 
 
 class FilterOutput(NamedTuple):
-    """Output of the Kalman filter; batch axes of the jerk ratio stand before S.
+    """Output of the Kalman filter, series by series as the loops have it.
 
     Attributes
     ----------
-    rho : array, shape (..., S), jerk ratios
-    mean : array, shape (T, ..., S, 3)
-    covariance : array, shape (T, 6, ..., S), upper triangles
-    gain : array, shape (T, 3, ..., S)
-    innovation, variance : array, shape (T, ..., S): measured minus predicted position, its variance
+    rho : array, shape (S,), jerk ratios
+    mean : array, shape (S, T, 3)
+    covariance : array, shape (S, T, 6), upper triangles
+    gain : array, shape (S, T, 3)
+    innovation, variance : array, shape (S, T): measured minus predicted position, its variance
     """
 
     rho: Array
@@ -137,20 +137,8 @@ def padded_series(angles: Sequence[Signal]) -> Series:
 
 
 def kalman_filter(series: Series, rho: Array) -> FilterOutput:
-    """Kalman filter of all series at jerk ratios rho (..., S)."""
-    ratios = np.broadcast_to(rho, np.broadcast_shapes(np.shape(rho), series.value.shape[1:]))
-    batch = ratios.shape[:-1]
-    output = kalman_loops.filtered(*_by_series(series), _of_series(ratios))
-    mean, covariance, gain, *others = (x.reshape(*batch, *x.shape[1:]) for x in output)
-    innovation, variance = (np.moveaxis(x, -1, 0) for x in others)
-    return FilterOutput(
-        rho,
-        np.moveaxis(mean, -2, 0),
-        np.moveaxis(covariance, (-2, -1), (0, 1)),
-        np.moveaxis(gain, (-2, -1), (0, 1)),
-        innovation,
-        variance,
-    )
+    """Kalman filter of all series at jerk ratios rho (S,)."""
+    return FilterOutput(rho, *kalman_loops.filtered(*_by_series(series), rho))
 
 
 def _by_series(series: Series) -> tuple[Array, ...]:
@@ -176,14 +164,9 @@ def smoothed_by(series: Series, forward: FilterOutput) -> Array:
 
         smoothed = mean - P l,    l <- F' (l - H' (K' l + innovation / variance))
     """
-    scaled = np.ascontiguousarray((forward.innovation / forward.variance).T)
     dt, _, _, valid = _by_series(series)
-    mean = np.ascontiguousarray(np.moveaxis(forward.mean, 1, 0))
-    covariance, gain = (
-        np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (forward.covariance, forward.gain)
-    )
-    out = kalman_loops.smoothed(dt, valid, mean, covariance, gain, scaled)
-    return np.moveaxis(out, 0, 1)
+    _, *states, innovation, variance = forward
+    return np.moveaxis(kalman_loops.smoothed(dt, valid, *states, innovation / variance), 0, 1)
 
 
 def likeliest_jerk_ratio(series: Series) -> Array:

@@ -74,30 +74,25 @@ def _updated(mean: Any, covariance: Any, innovation: float, variance: float, noi
 
 @compiled
 def filtered(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) -> Any:
-    """Output of the filter at jerk ratios (G, S).
-
-    Means (G, S, T, 3), covariances (G, S, T, 6), gains (G, S, T, 3), innovations and variances
-    (G, S, T).
-    """
-    G, S, T = len(rho), len(dt), dt.shape[1]
-    means, covariances = np.empty((G, S, T, 3)), np.empty((G, S, T, 6))
-    gains = np.zeros((G, S, T, 3))
-    innovations, variances = np.empty((G, S, T)), np.empty((G, S, T))
-    for g, s in np.ndindex(G, S):
+    """Output of the filter at jerk ratios (S,), see `FilterOutput`."""
+    S, T = dt.shape
+    means, covariances, gains = np.empty((S, T, 3)), np.empty((S, T, 6)), np.zeros((S, T, 3))
+    innovations, variances = np.empty((S, T)), np.empty((S, T))
+    for s in range(S):
         x, P = _initial(value[s, 0], dt[s, min(1, T - 1)])
         for t in range(T):
             if t:
-                x, P = _predicted(x, P, dt[s, t], rho[g, s])
+                x, P = _predicted(x, P, dt[s, t], rho[s])
             innovation, variance = value[s, t] - x[0], P[0] + noise[s, t]
             if valid[s, t]:
                 x, P, gain = _updated(x, P, innovation, variance, noise[s, t])
                 for i in range(3):
-                    gains[g, s, t, i] = gain[i]
+                    gains[s, t, i] = gain[i]
             for i in range(3):
-                means[g, s, t, i] = x[i]
+                means[s, t, i] = x[i]
             for i in range(6):
-                covariances[g, s, t, i] = P[i]
-            innovations[g, s, t], variances[g, s, t] = innovation, variance
+                covariances[s, t, i] = P[i]
+            innovations[s, t], variances[s, t] = innovation, variance
     return means, covariances, gains, innovations, variances
 
 

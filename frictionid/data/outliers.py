@@ -89,7 +89,7 @@ def _by_the_past(series: Series, fit: FilterOutput) -> tuple[Array, Array]:
     x[0, 0] = series.value[0]
     dt = series.dt[min(1, len(series.dt) - 1)]
     P[0, 0], P[3, 0], P[5, 0] = kalman_loops.diffuse(dt)
-    before = tuple(np.moveaxis(fit.mean[:-1], -1, 0)), tuple(np.moveaxis(fit.covariance[:-1], 1, 0))
+    before = tuple(fit.mean.T[:, :-1]), tuple(fit.covariance.T[:, :-1])
     x[:, 1:], P[:, 1:] = kalman_loops.predicted(*before, series.dt[1:], fit.rho)
     return x, P
 

@@ -82,7 +82,7 @@ def test_the_filter_is_the_smoother_of_the_samples_so_far(stamps):
     time = clock(stamps)
     value = wave(time, np.random.default_rng(3))
     rho = np.array([1e9])
-    mean = kalman_filter(padded_series([one(time, value)]), rho).mean[:, 0]
+    mean = kalman_filter(padded_series([one(time, value)]), rho).mean[0]
     for stop in (4, 10, 31, 60):
         so_far = padded_series([one(time[:stop], value[:stop])])
         assert_array_equal(mean[stop - 1], rts_smoother(so_far, rho)[-1, 0])
@@ -109,7 +109,7 @@ def test_the_public_estimators_use_the_likeliest_ratio():
     rho = likeliest_jerk_ratio(series)
     assert_array_equal(RTS()([angle])[0].w, rts_smoother(series, rho)[..., 1])
     # the causal one tries whole decades, so it ends within half a decade
-    low, high = (kalman_filter(series, rho * 10.0**shift).mean[-1, 0, 1] for shift in (-0.6, 0.6))
+    low, high = (kalman_filter(series, rho * 10.0**shift).mean[0, -1, 1] for shift in (-0.6, 0.6))
     assert min(low, high) <= KalmanFilter()([angle])[0].w[-1, 0] <= max(low, high)
 
 
