@@ -39,22 +39,14 @@ _TURNED = np.array([1.0, -1.0, 1.0])
 _TURNED_SQUARES = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
 
 
-class Residuals(NamedTuple):
+def prediction_residuals(
+    series: Series, left_out: Array, fit: FilterOutput
+) -> list[tuple[Array, Array]]:
     """Measured minus predicted positions (T, S), and the standard deviations of each.
 
-    In units of the value, and of the usual standard deviation of a measurement.
-
-    by_all : residuals and deviations of the predictions by all other samples (deletion residuals);
-    by_past, by_future : by the samples before, and behind
-    """
-
-    by_all: tuple[Array, Array]
-    by_past: tuple[Array, Array]
-    by_future: tuple[Array, Array]
-
-
-def prediction_residuals(series: Series, left_out: Array, fit: FilterOutput) -> Residuals:
-    """What the other samples, without those that are left out (T, S), leave of each one.
+    Predicted by all other samples (deletion residuals), by those before, and by those behind,
+    without the ones that are left out (T, S). In units of the value, and of the usual standard
+    deviation of a measurement.
 
     With the predictions x, P by the samples before and y, Q by those behind, all others predict
 
@@ -75,12 +67,8 @@ def prediction_residuals(series: Series, left_out: Array, fit: FilterOutput) -> 
     share = np.linalg.solve(total, variances[..., None])[..., 0]
     middle = x[0] + (share * np.moveaxis((y - x) / scale, 0, -1)).sum(axis=-1)
     variance = np.maximum(P[0] - (share * variances).sum(axis=-1), 0.0)
-    return Residuals(
-        *(
-            (series.value - mean, np.sqrt(var + series.noise))
-            for mean, var in ((middle, variance), (x[0], P[0]), (y[0], Q[0]))
-        )
-    )
+    predictions = (middle, variance), (x[0], P[0]), (y[0], Q[0])
+    return [(series.value - mean, np.sqrt(var + series.noise)) for mean, var in predictions]
 
 
 def _by_the_past(series: Series, fit: FilterOutput) -> tuple[Array, Array]:
@@ -148,11 +136,10 @@ def smoothed(series: Series) -> Smoothed:
     >>> np.flatnonzero(found.left_out), bool(abs(found.mean[40, 0, 0] - np.sin(2.0)) < 2e-3)
     (array([40]), True)
     """
-    width = max(1, _AT_ONCE // len(series.value))
-    columns = [slice(a, a + width) for a in range(0, series.value.shape[1], width)]
-    parts = [_smoothed(series.picked(place)) for place in columns] if len(columns) > 1 else []
-    if not parts:
+    width, count = max(1, _AT_ONCE // len(series.value)), series.value.shape[1]
+    if count <= width:
         return _smoothed(series)
+    parts = [_smoothed(series.picked(slice(a, a + width))) for a in range(0, count, width)]
     return Smoothed(
         *(
             np.concatenate(x, axis=a)
@@ -283,8 +270,7 @@ def _judged(series: Series, left_out: Array, fit: FilterOutput) -> _Judged:
     Samples that repeat both their neighbours, at rest within one step of an encoder, say nothing
     about the usual size, which is that of rounding to those steps at least.
     """
-    residuals = prediction_residuals(series, left_out, fit)
-    off, deviation = residuals.by_all
+    (off, deviation), *sides = prediction_residuals(series, left_out, fit)
     size = np.where(series.valid, np.abs(off) / deviation, 0.0)
     jumps = np.abs(np.diff(series.value, axis=0))
     change = jumps != 0.0
@@ -296,7 +282,10 @@ def _judged(series: Series, left_out: Array, fit: FilterOutput) -> _Judged:
     span = np.nan_to_num(np.fmax.reduce(value) - np.fmin.reduce(value))
     steps = np.where(change & series.valid[1:] & series.valid[:-1], jumps, np.inf)
     usual = np.maximum(usual, np.maximum(_EXACT * span + 1e-300, _rounding(steps)))
-    return _Judged(size / usual, _kinks(residuals, usual))
+    # whether the past or the future predicts a sample, where it would show an outlier
+    least = np.abs(off)
+    kinks = [(np.abs(side) < _KINK * least) & (usual * dev < least) for side, dev in sides]
+    return _Judged(size / usual, kinks[0] | kinks[1])
 
 
 def _rounding(jumps: Array) -> Array:
@@ -304,14 +293,6 @@ def _rounding(jumps: Array) -> Array:
     least = jumps.min(axis=0, initial=np.inf)
     alike = (jumps < 1.5 * least).sum(axis=0)
     return np.where((alike >= _MANY_STEPS) & np.isfinite(least), least / np.sqrt(12.0), 0.0)
-
-
-def _kinks(residuals: Residuals, usual: Array) -> Array:
-    """Whether the past or the future predicts a sample, where it would show an outlier."""
-    size = np.abs(residuals.by_all[0])
-    sides = residuals.by_past, residuals.by_future
-    kinks = [(np.abs(off) < _KINK * size) & (usual * dev < size) for off, dev in sides]
-    return kinks[0] | kinks[1]
 
 
 def _median(size: Array, counts: Array) -> Array:

@@ -22,7 +22,7 @@ def swing(time, rng, noise=NOISE):
 
 
 def deletion_residuals(series, left_out, fit):
-    off, deviation = prediction_residuals(series, left_out, fit).by_all
+    off, deviation = prediction_residuals(series, left_out, fit)[0]
     return off / deviation
 
 
