@@ -1,7 +1,6 @@
 """Recordings from data frames and arrays: columns as in dataset.toml, read by the same code."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from numbers import Number
 from typing import Any
 
@@ -64,59 +63,58 @@ def _digest(table: Table) -> str:
     )
 
 
-@dataclass(frozen=True)
-class FrameColumns:
-    """Which columns of frames are what, and in which units; see `Dataset.from_frames`."""
+def toml_of_columns(
+    *,
+    time: str | Mapping[str, str] | None = None,
+    angle: Names = None,
+    torque: Names = None,
+    velocity: Names = None,
+    units: Units = None,
+    signs: Mapping[str, Numbers] | None = None,
+    motor: Mapping[str, Any] | None = None,
+    torque_at: str = "motor",
+    actuator: Mapping[str, Any] | None = None,
+    base: Mapping[str, Any] | None = None,
+    hold: str | None = None,
+    sigma: Numbers | Mapping[str, Numbers] | None = None,
+    covariates: Mapping[str, str] | None = None,
+    missing: str = "refuse",
+    split: str | None = None,
+) -> DatasetToml:
+    """The dataset.toml of frames with these columns, see `Dataset.from_frames`.
 
-    time: str | Mapping[str, str] | None = None
-    angle: Names = None
-    torque: Names = None
-    velocity: Names = None
-    units: Units = None
-    signs: Mapping[str, Numbers] | None = None
-    motor: Mapping[str, Any] | None = None
-    hold: str | None = None
-    sigma: Numbers | Mapping[str, Numbers] | None = None
-    covariates: Mapping[str, str] | None = None
-    missing: str = "refuse"
-    torque_at: str = "motor"
-    actuator: Mapping[str, Any] | None = None
-    base: Mapping[str, Any] | None = None
-    split: str | None = None
+    Its mechanism and files are nothing: they are here.
 
-    def toml(self) -> DatasetToml:
-        """The dataset.toml that says the same; its mechanism and files are nothing: they are here.
-
-        Raises
-        ------
-        InputError
-            Where it would be wrong, and without columns of angles.
-        """
-        angle, torque, velocity = map(_names, (self.angle, self.torque, self.velocity))
-        if not angle:
-            raise InputError('name the columns of the angles, e.g. angle=["q1", "q2"]')
-        named = {"angle": angle, "torque": torque or [""] * len(angle), "velocity": velocity}
-        noise = self.sigma if isinstance(self.sigma, Mapping) else {"angle": self.sigma}
-        time = dict(self.time) if isinstance(self.time, Mapping) else self.time or INDEX
-        tables = {"motor": self.motor, "actuator": self.actuator, "base": self.base}
-        document = {
-            "name": "frames",
-            "mechanism": {"kind": "given"},
-            "recordings": {"patterns": ["*"], "split": self.split},
-            "columns": {
-                "time": time,
-                **{key: names for key, names in named.items() if names},
-                "covariates": _plain(self.covariates or {}),
-                "missing": self.missing,
-            },
-            "units": _units(self.units),
-            "signs": {k: _listed(v) for k, v in by_name(self.signs or {}, "signs").items()},
-            "sigma": {key: _listed(value) for key, value in noise.items() if value is not None},
-            "hold": {} if self.hold is None else {"torque": self.hold},
-            "torque": {"at": self.torque_at},
-            **{key: _plain(table) for key, table in tables.items() if table is not None},
-        }
-        return check_dataset_toml(document, "columns of the frames")
+    Raises
+    ------
+    InputError
+        Where it would be wrong, and without columns of angles.
+    """
+    angles, torques, velocities = map(_names, (angle, torque, velocity))
+    if not angles:
+        raise InputError('name the columns of the angles, e.g. angle=["q1", "q2"]')
+    noise = sigma if isinstance(sigma, Mapping) else {"angle": sigma}
+    tables = {"motor": motor, "actuator": actuator, "base": base}
+    document = {
+        "name": "frames",
+        "mechanism": {"kind": "given"},
+        "recordings": {"patterns": ["*"], "split": split},
+        "columns": {
+            "time": dict(time) if isinstance(time, Mapping) else time or INDEX,
+            "angle": angles,
+            "torque": torques or [""] * len(angles),
+            **({"velocity": velocities} if velocities else {}),
+            "covariates": _plain(covariates or {}),
+            "missing": missing,
+        },
+        "units": _units(units),
+        "signs": {k: _listed(v) for k, v in by_name(signs or {}, "signs").items()},
+        "sigma": {key: _listed(value) for key, value in noise.items() if value is not None},
+        "hold": {} if hold is None else {"torque": hold},
+        "torque": {"at": torque_at},
+        **{key: _plain(table) for key, table in tables.items() if table is not None},
+    }
+    return check_dataset_toml(document, "columns of the frames")
 
 
 def _names(names: Names) -> list[str]:
@@ -211,8 +209,8 @@ def _numbers(values: Any, name: str, where: str) -> Array:
 
 def columns_of_arrays(
     arrays: Mapping[str, ArrayLike | None], name: str
-) -> tuple[Any, FrameColumns]:
-    """One frame of a recording's arrays, and what its columns are.
+) -> tuple[Any, dict[str, Any]]:
+    """One frame of a recording's arrays, and what its columns are, for `toml_of_columns`.
 
     arrays : time (T,), angle (T,) or (T, n), torque and velocity alike, where there are any;
         torque_time, where the torque has a clock of its own
@@ -241,15 +239,14 @@ def columns_of_arrays(
             )
     longest = max(map(len, parts.values()))
     columns: dict[str, Array] = {}
-    names: dict[str, list[str]] = {}
+    names: dict[str, Any] = {}
     for key, part in parts.items():
         filled = np.full((longest, part.shape[1]), np.nan)
         filled[: len(part)] = part
         names[key] = [key] if part.shape[1] == 1 else [f"{key} {j + 1}" for j in range(len(part.T))]
         columns |= dict(zip(names[key], filled.T, strict=True))
-    time = {"angle": "time", "torque": "torque_time" if "torque_time" in names else "time"}
-    signals = FrameColumns(time, names["angle"], names.get("torque"), names.get("velocity"))
-    return pd.DataFrame(columns), signals
+    clock = "torque_time" if names.pop("torque_time", None) else "time"
+    return pd.DataFrame(columns), names | {"time": {"angle": "time", "torque": clock}}
 
 
 def check_columns(count: int, mechanism: Mechanism, where: str) -> None:

@@ -13,7 +13,6 @@ from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
 
 from .frames import (
-    FrameColumns,
     Names,
     Numbers,
     Units,
@@ -21,6 +20,7 @@ from .frames import (
     check_columns,
     columns_of_arrays,
     read_frames,
+    toml_of_columns,
 )
 from .joint_scales import JointScales, joint_scales
 from .readers.column_toml import Gears, TorqueAt
@@ -224,9 +224,23 @@ class Dataset:
         >>> Dataset.from_frames({"run1": frame}, rig, time="t", angle="q", torque="u", units="deg")
         Dataset('data': 1 recording, 1 joint, 0.2 s)
         """
-        columns = FrameColumns(time, angle, torque, velocity, units, signs, motor, hold, sigma)
-        columns = replace(columns, covariates=covariates, missing=missing, torque_at=torque_at)
-        toml = replace(columns, actuator=actuator, base=base, split=split).toml()
+        toml = toml_of_columns(
+            time=time,
+            angle=angle,
+            torque=torque,
+            velocity=velocity,
+            units=units,
+            signs=signs,
+            motor=motor,
+            torque_at=torque_at,
+            actuator=actuator,
+            base=base,
+            hold=hold,
+            sigma=sigma,
+            covariates=covariates,
+            missing=missing,
+            split=split,
+        )
         data = _of_frames(name, mechanism, [(toml, frames)], parameters or {})
         return replace(data, columns=toml, gears=toml.gears, torque_at=torque_at)
 
@@ -265,7 +279,7 @@ class Dataset:
         parts = []
         for key, signals in by_name(arrays, "arrays of recordings").items():
             frame, columns = columns_of_arrays(signals, str(key))
-            toml = replace(columns, units=units, hold=hold, sigma=sigma).toml()
+            toml = toml_of_columns(**columns, units=units, hold=hold, sigma=sigma)
             parts.append((toml, {key: frame}))
         return replace(_of_frames(name, mechanism, parts, parameters or {}), torque_at=torque_at)
 
