@@ -146,12 +146,6 @@ def _by_series(series: Series) -> tuple[Array, ...]:
     return tuple(np.ascontiguousarray(x.T) for x in series[:4])
 
 
-def _of_series(rho: Array) -> Array:
-    """Jerk ratios (..., S) as (G, S)."""
-    # a copy: for views that cannot be written loops would be compiled again
-    return np.array(rho.reshape(-1, rho.shape[-1]), dtype=float, order="C")
-
-
 def rts_smoother(series: Series, rho: Array) -> Array:
     """Smoothed states (T, S, 3) at jerk ratios rho (S,)."""
     return smoothed_by(series, kalman_filter(series, rho))
@@ -203,13 +197,14 @@ def _slowest(series: Series) -> Array:
 
 
 def innovation_likelihood(series: Series, rho: Array) -> Array:
-    """Log-likelihood of the innovations at jerk ratios rho (..., S), shape of rho.
+    """Log-likelihood (G, S) of the innovations at jerk ratios rho, (G, S) or (G, 1).
 
     The measurement variance is concentrated out, that is, replaced by its likeliest value.
     """
-    ratios = np.broadcast_to(rho, (*rho.shape[:-1], series.value.shape[1]))
-    whole, _ = kalman_loops.likelihoods(*_by_series(series), _of_series(ratios), False)
-    return whole.reshape(ratios.shape)
+    # repeated: for views that cannot be written loops would be compiled again
+    ratios = rho.repeat(series.value.shape[1] // rho.shape[1], axis=1)
+    whole, _ = kalman_loops.likelihoods(*_by_series(series), ratios, False)
+    return np.asarray(whole)
 
 
 def robust_jerk_ratio(series: Series, least: Array) -> Array:

@@ -34,7 +34,8 @@ def link_angles(markers: Array) -> Array:
     link = np.diff(np.asarray(markers, float), axis=1)
     absolute = np.arctan2(link[..., 0], link[..., 1])
     relative = np.diff(absolute, axis=1, prepend=0.0)
-    return np.unwrap(_one_turn(relative), axis=0)
+    within_a_turn = np.pi - np.mod(np.pi - relative, 2 * np.pi)  # in (-pi, pi]
+    return np.unwrap(within_a_turn, axis=0)
 
 
 def link_lengths(markers: Array) -> Array:
@@ -97,8 +98,3 @@ def flattened(points: Array, plane: Plane) -> Array:
     p = p / (1.0 + p @ np.array([right, down]))[..., None]
     p = p + p @ np.array([[stretch, diagonal], [diagonal, -stretch]])
     return middle + half * p
-
-
-def _one_turn(angle: Array) -> Array:
-    """Directions as angles within (-pi, pi]."""
-    return np.pi - np.mod(np.pi - angle, 2 * np.pi)

@@ -105,7 +105,8 @@ def equations_of_motion(d: Description) -> Equations:
     M = dp/dw,    h = dL/dq - dp/dq w
     """
     n = range(len(d.q))
-    kinetic, potential, symbols = _energies_in_base(d)
+    symbols = [sp.Symbol(f"_b{i}") for i in range(len(d.base))]
+    kinetic, potential = (_in_base(energy, d, symbols) for energy in energies(d))
     L = kinetic - potential
     momentum = [sp.diff(L, wi) for wi in d.w]
     M = [sp.diff(momentum[i], d.w[j]) for i in n for j in n if j >= i]
@@ -123,12 +124,6 @@ def full_matrix(upper: Sequence[Any], n: int) -> dict[tuple[int, int], Any]:
     places = [(i, j) for i in range(n) for j in range(i, n)]
     pairs = list(zip(places, upper, strict=True))
     return {**dict(pairs), **{(j, i): entry for (i, j), entry in pairs}}
-
-
-def _energies_in_base(d: Description) -> tuple[sp.Expr, sp.Expr, list[sp.Symbol]]:
-    kinetic, potential = energies(d)
-    symbols = [sp.Symbol(f"_b{i}") for i in range(len(d.base))]
-    return _in_base(kinetic, d, symbols), _in_base(potential, d, symbols), symbols
 
 
 def energies(d: Description) -> tuple[sp.Expr, sp.Expr]:

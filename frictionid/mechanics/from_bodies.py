@@ -81,7 +81,7 @@ def from_bodies(
         q=tuple(_plain(joint.q) for joint in joints),
         gravity=sp.Symbol("g") if any(p.name == "g" for p in parameters) else 0,
         parameters=tuple(parameters),
-        bodies=tuple(map(_plain_body, bodies)),
+        bodies=tuple(Body(*map(_plain, body[:-1]))._replace(joint=body.joint) for body in bodies),
         rotors=tuple((_plain(inertia), _plain(angle)) for inertia, angle in rotors),
         driven=tuple(joint.driven for joint in joints),
         base=(),
@@ -161,11 +161,6 @@ def _plain(e: Expression) -> sp.Expr:
     """An expression whose symbols have names and nothing else, as those of the parameters."""
     expression = sp.sympify(e)
     return expression.xreplace({s: sp.Symbol(s.name) for s in expression.free_symbols})
-
-
-def _plain_body(body: Body) -> Body:
-    mass, x, y, inertia, angle = map(_plain, body[:-1])
-    return Body(mass, x, y, inertia, angle, body.joint)
 
 
 def _check(d: Description) -> None:

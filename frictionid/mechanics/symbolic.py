@@ -6,7 +6,7 @@ whatever values they have.
 """
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -41,7 +41,7 @@ def scalar_code(
     18.0
     """
     outputs = [sp.N(sp.sympify(e)) for e in outputs]
-    shared, results = sp.cse(outputs, symbols=_fresh(), list=True)
+    shared, results = sp.cse(outputs, symbols=sp.numbered_symbols("_s"), list=True)
     printer = _Printer()
     used = set().union(*(e.atoms(sp.Function) for e in outputs))
     lines = [f"    {f} = xp.{f}" for f in sorted({type(e).__name__ for e in used})]
@@ -52,10 +52,6 @@ def scalar_code(
     scope: dict[str, Any] = {}
     exec(compile(source, "<equations of motion>", "exec"), scope)
     return scope["equations"]
-
-
-def _fresh() -> Iterator[sp.Symbol]:
-    return sp.numbered_symbols("_s")
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -269,6 +265,4 @@ def _places(n: int) -> tuple[int, ...]:
     return tuple(entries[i, j] for i in range(n) for j in range(n))
 
 
-@cache
-def _compiled(description: Description) -> _Compiled:
-    return _Compiled(description)
+_compiled = cache(_Compiled)

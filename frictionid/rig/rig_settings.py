@@ -52,8 +52,8 @@ class LineProtocol(Strict):
     >>> line = written(LineProtocol(checksum="crc16", mark="$"), ("1000", "0.05", "0.2"))
     >>> line
     b'$1000,0.05,0.2*DBC5\n'
-    >>> read(LineProtocol(checksum="crc16", mark="$"), line.rstrip())
-    (b'1000', b'0.05', b'0.2')
+    >>> parsed(LineProtocol(checksum="crc16", mark="$"), b"", line).rows
+    [(b'1000', b'0.05', b'0.2')]
     """
 
     columns: NonEmpty[str] = ["time", "command", "current"]
@@ -123,12 +123,6 @@ def parsed(form: LineProtocol, remainder: bytes, new: bytes) -> Parsed:
         elif line.strip():
             rejected.append(Rejected(line[-MAX_LINE:], fault))
     return Parsed(rows, rejected, last[-MAX_LINE - 2 :])
-
-
-def read(form: LineProtocol, line: bytes) -> Cells | None:
-    """Values of a line as they were written, or None where it is damaged."""
-    cells, fault = _cells(form, line)
-    return None if fault else cells
 
 
 def _cells(form: LineProtocol, line: bytes) -> tuple[Cells, str]:

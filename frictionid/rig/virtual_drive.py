@@ -17,7 +17,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
 
-from .rig_settings import RigSettings, read, unframed, written
+from .rig_settings import RigSettings, parsed, unframed, written
 
 # A commanded drive that has had no command for SILENCE [s] ramps its torque down within RAMP [s].
 SILENCE, RAMP = 0.2, 0.3
@@ -110,7 +110,7 @@ class Controller:
         while True:
             broken = broken_line(line, self._generator)
             # some faults leave a line that reads as a good one
-            if all(read(self._form, part) is None for part in broken.split(b"\n")):
+            if not parsed(self._form, b"", broken + b"\n").rows:
                 return broken
 
     def obey(self, k: int, line: bytes) -> None:

@@ -304,10 +304,8 @@ class RecordingFriction(TrueFriction):
     @cached_property
     def _arrays(self) -> tuple[Array, ...]:
         """Each field of the curves, (R, n)."""
-        return tuple(
-            np.array([getattr(curve, field.name) for curve in self.curves])
-            for field in fields(Curve)
-        )
+        columns = ([getattr(c, field.name) for c in self.curves] for field in fields(Curve))
+        return tuple(map(np.array, columns))
 
     def start(self, w: Array) -> Array:
         return np.broadcast_to(np.arange(len(self.curves), dtype=float)[:, None], w.shape)

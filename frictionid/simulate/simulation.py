@@ -62,7 +62,16 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
         mechanism=nominal_mechanism(rig),
         recordings=tuple(recordings),
         origin={"origin": ORIGIN, **{key: text for key, text in texts.items() if text}},
-        truth={**rig.friction.table(), "rig": _rig_table(rig, seed)},
+        truth={
+            **rig.friction.table(),
+            "rig": {
+                "torque_delay": rig.drive.delay,
+                "torque_gain": rig.drive.gain,
+                "parameters": dict(rig.true_parameters),
+                "angle_noise": rig.camera.angle_noise,
+                "seed": seed,
+            },
+        },
     )
 
 
@@ -156,13 +165,3 @@ def _logged(rig: Rig, run: Run, seed: int, command: Signal) -> Signal:
     noise = generator(seed, run.name, "torque sensor").standard_normal(command.value.shape)
     size = rig.drive.torque_noise * np.sqrt(np.mean(command.value**2, axis=0))
     return command._replace(value=np.round(command.value + size * noise, COMMAND_DECIMALS))
-
-
-def _rig_table(rig: Rig, seed: int) -> dict[str, object]:
-    return {
-        "torque_delay": rig.drive.delay,
-        "torque_gain": rig.drive.gain,
-        "parameters": dict(rig.true_parameters),
-        "angle_noise": rig.camera.angle_noise,
-        "seed": seed,
-    }

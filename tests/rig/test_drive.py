@@ -21,7 +21,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, sample
 from frictionid.rig.logfile import read_log
 from frictionid.rig.playback import PlaySettings, excite, keys, load_signal
-from frictionid.rig.rig_settings import framed, read, rig_settings_of
+from frictionid.rig.rig_settings import framed, parsed, rig_settings_of
 from frictionid.rig.virtual_drive import (
     RAMP,
     SILENCE,
@@ -43,7 +43,7 @@ def sine(length=1.0, rate=200.0):
 def values(drive, controller, k):
     """Time, command and torque of the k-th line."""
     made = drive.rig
-    cells = [float(c) for c in read(made.protocol, controller.line(k)[:-1])]
+    cells = [float(c) for c in parsed(made.protocol, b"", controller.line(k)).rows[0]]
     return cells[0] * 1e-6, cells[1], cells[2] * made.motors[0].per_measured
 
 

@@ -39,7 +39,7 @@ def csv_columns(
     lines = _csv_lines(content, file)
     row, head = next(lines)
     if columns is None and any(head):
-        header = not all(map(_is_number, filter(None, head))) or _counts(head)
+        header = not all(map(is_number, filter(None, head))) or _counts(head)
     if not header:
         lines, head = chain([(row, head)], lines), [str(k + 1) for k in range(len(head))]
     names = head if columns is None else columns
@@ -158,7 +158,8 @@ def number(text: str) -> float:
     return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a cell is a number, see `number`."""
     try:
         number(text)
     except ValueError:

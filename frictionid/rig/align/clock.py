@@ -154,7 +154,8 @@ def align(
     InputError
         Where the log explains the motion nowhere, or in several places.
     """
-    dataset = Dataset("align", mechanism, (Recording("motion", angle, _silent(angle)),))
+    nothing = Signal(angle.time, np.zeros_like(angle.value))
+    dataset = Dataset("align", mechanism, (Recording("motion", angle, nothing),))
     plant = plant_of(dataset)
     nominal = np.asarray(plant.p)[0]
     rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
@@ -198,10 +199,6 @@ def by_marker(
         converged=True,
         marker_only=reason,
     )
-
-
-def _silent(angle: Signal) -> Signal:
-    return Signal(angle.time, np.zeros_like(angle.value))
 
 
 def _constant(angle: Signal, torque: Signal, offset: float) -> Clock:

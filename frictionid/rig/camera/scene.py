@@ -153,7 +153,8 @@ class Scene:
         width, height = view.size
         across = np.linspace(0, 1, width)[None, :] + np.linspace(0, 1, height)[:, None]
         self.light = (1.0 - look.gradient * across / 2).astype(np.float32)[..., None]
-        self.backdrop = self._lit(_backdrop(look, view, np.random.default_rng(seed)))
+        unlit = _backdrop(look, view, np.random.default_rng(seed))
+        self.backdrop = np.clip(np.round(unlit * self.light), 0, 255).astype(np.uint8)
 
     def picture(self, exposed: Array, lit: float = 0.0) -> Image:
         """Image of markers whose pixels (S, n + 1, 2) are spread over the exposure.
@@ -211,9 +212,6 @@ class Scene:
         low = np.clip(np.floor(places.min(0) - before).astype(int), 0, self.size)
         high = np.clip(np.ceil(places.max(0) + behind).astype(int), 0, self.size)
         return *low.tolist(), *high.tolist()
-
-    def _lit(self, image: Array) -> Image:
-        return np.asarray(np.clip(np.round(image * self.light), 0, 255), dtype=np.uint8)
 
 
 def colour(hue: float, saturation: float, value: float) -> tuple[float, float, float]:

@@ -18,12 +18,12 @@ from frictionid.config import Strict, checked
 from frictionid.errors import InputError
 
 from ..column_toml import ColumnNames
-from ..csv_table import number, separator_of
+from ..csv_table import is_number, number, separator_of
 from ..table import Table
 from ..unpacking import unzip
 
 _HEAD, _BELOW = 200, 60  # lines that may stand above the names, and between these and the numbers
-_NUMBERED = re.compile(r"(.*)\[\d+\]")
+_NUMBERED = re.compile(r"\[\d+\]\Z")
 _SAME = 1e-9  # of the time, between two clocks that are one
 
 
@@ -143,8 +143,7 @@ def _is(cell: str, name: str) -> bool:
 
 
 def _base(name: str) -> str:
-    match = _NUMBERED.fullmatch(name)
-    return match[1] if match else name
+    return _NUMBERED.sub("", name)
 
 
 def _own_clocks(head: Head, columns: ColumnNames) -> dict[str, int]:
@@ -186,10 +185,7 @@ def _rows(
 def _is_time(cells: Sequence[str], places: Mapping[str, int], clocks: Sequence[str]) -> bool:
     """Whether the clocks' cells are numbers, or empty but for one."""
     column = [cells[places[clock]] for clock in clocks if cells[places[clock]]]
-    try:
-        return bool([number(cell) for cell in column])
-    except ValueError:
-        return False
+    return bool(column) and all(map(is_number, column))
 
 
 def _number(cell: str, where: str, name: str) -> float:

@@ -18,8 +18,6 @@ from ...signals import Array, Signal
 from ..column_toml import UNITS, Column
 from ..table import Table, read_table, signal_of, table_name
 
-FRAME = "time of the frame"
-
 
 class MarkerSettings(Strict):
     """Settings of the reader `markers`.
@@ -58,24 +56,15 @@ class MarkerSettings(Strict):
 def read(path: Path, settings: Mapping[str, Any]) -> Recording:
     """Angles of a passive chain of links, one joint per link, from a table of its markers."""
     chosen = checked(MarkerSettings, settings, f"{path}: [reader]")
-    table = _seen(_table(path, chosen), chosen)
     second = 1.0 if chosen.time is None else UNITS["time"][chosen.time_unit]
-    column = partial(signal_of, table, chosen.time or FRAME, second=second)
+    clock = chosen.time or f"{np.format_float_positional(chosen.rate or 0.0)} Hz"
+    names = [*chosen.x, *chosen.y, clock]
+    table = _seen(read_table(read_bytes(path), str(path), names, header=chosen.header), chosen)
+    column = partial(signal_of, table, clock, second=second)
     x, y = column(chosen.x), column(chosen.y)
     markers = np.stack([x.value, y.value], axis=-1)
     angle = Signal(x.time, _angles(markers, chosen, table))
     return Recording(table_name(path.name), angle, angle._replace(value=np.zeros_like(angle.value)))
-
-
-def _table(path: Path, settings: MarkerSettings) -> Table:
-    """The table, with a column of times where it has only a rate."""
-    names = [*settings.x, *settings.y, *([] if settings.time is None else [settings.time])]
-    table = read_table(read_bytes(path), str(path), names, header=settings.header)
-    if settings.rate is None:
-        return table
-    return table._replace(
-        columns={**table.columns, FRAME: np.arange(len(table.rows)) / settings.rate}
-    )
 
 
 def _seen(table: Table, settings: MarkerSettings) -> Table:
