@@ -22,6 +22,9 @@ from .signals import Array
 Names = str | Sequence[str | None] | None
 Units = str | Sequence[str] | Mapping[str, str | Sequence[str]] | None
 Numbers = float | Sequence[float]
+Noise = Numbers | Mapping[str, Numbers] | None
+Times = str | Mapping[str, str] | None
+Keys = Mapping[str, Any] | None  # of a table of a dataset.toml
 
 _RATES = {"deg": "deg/s", "m": "m/s", "mm": "mm/s"}  # of velocities, where the angles are in these
 INDEX = "index"  # the time, where no column is named
@@ -65,18 +68,18 @@ def _digest(table: Table) -> str:
 
 def toml_of_columns(
     *,
-    time: str | Mapping[str, str] | None = None,
+    time: Times = None,
     angle: Names = None,
     torque: Names = None,
     velocity: Names = None,
     units: Units = None,
     signs: Mapping[str, Numbers] | None = None,
-    motor: Mapping[str, Any] | None = None,
+    motor: Keys = None,
     torque_at: str = "motor",
-    actuator: Mapping[str, Any] | None = None,
-    base: Mapping[str, Any] | None = None,
+    actuator: Keys = None,
+    base: Keys = None,
     hold: str | None = None,
-    sigma: Numbers | Mapping[str, Numbers] | None = None,
+    sigma: Noise = None,
     covariates: Mapping[str, str] | None = None,
     missing: str = "refuse",
     split: str | None = None,

@@ -7,7 +7,7 @@ import sympy as sp
 from frictionid.config import NotNegative
 
 from .description import Base, Body, Description
-from .mechanism import Parameter
+from .mechanism import Parameter, Value
 from .symbolic import SymbolicMechanism
 
 _ROUND = 1e-5  # [rad], over which the corners of a dead zone are rounded
@@ -17,10 +17,10 @@ def two_mass_axis(
     hanging: bool = False,
     gap: float = 0.0,
     *,
-    motor_inertia: float | None = None,
-    load_inertia: float | None = None,
-    stiffness: float | None = None,
-    moment: float | None = None,
+    motor_inertia: Value = None,
+    load_inertia: Value = None,
+    stiffness: Value = None,
+    moment: Value = None,
 ) -> SymbolicMechanism:
     """Motor q1, as seen at the load, and load q2, with a spring between them; q2 = 0 hangs down.
 
@@ -86,9 +86,7 @@ def _energy(twist: sp.Expr, gap: float) -> sp.Expr:
     return twist**2 / 2 + (size(twist - gap / 2) - size(twist + gap / 2)) / 2
 
 
-def linear_axis(
-    driven: bool = True, *, mass: float | None = None, g: float | None = None
-) -> SymbolicMechanism:
+def linear_axis(driven: bool = True, *, mass: Value = None, g: Value = None) -> SymbolicMechanism:
     """Mass on a level guide; the motor's inertia, seen at the carriage, is part of the mass.
 
     mass dw/dt = u - Tf, with w [m/s], u and Tf [N]; `driven` says whether the axis has a motor.

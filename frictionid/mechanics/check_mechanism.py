@@ -1,7 +1,7 @@
 """The protocol of `Mechanism` as a check, for one's own and for the built-in ones."""
 
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,23 +38,7 @@ def check_mechanism(mechanism: Mechanism, *, tolerance: float = 1e-6, seed: int 
     >>> from frictionid.mechanics import acrobot
     >>> check_mechanism(acrobot(m4=0.1))
     """
-    check = _check(mechanism, tolerance, np.random.default_rng(seed))
-    for rule in (
-        check.facts,
-        check.base_parameters,
-        check.inertia,
-        check.parts,
-        check.lagrangian,
-        check.partials,
-        check.linear,
-        check.batches,
-        check.load,
-        check.pickles,
-    ):
-        rule()
-
-
-def _check(mechanism: Mechanism, tolerance: float, rng: np.random.Generator) -> "_Check":
+    rng = np.random.default_rng(seed)
     revolute = np.array([unit == "rad" for unit in mechanism.position_units])
     shape = (_SAMPLES, mechanism.n)
     q = rng.uniform(-1.0, 1.0, shape) * np.where(revolute, np.pi, 1.0)
@@ -62,7 +46,23 @@ def _check(mechanism: Mechanism, tolerance: float, rng: np.random.Generator) -> 
     a = rng.normal(size=shape) * 10.0
     values = mechanism.with_defaults().nominal()
     p = np.asarray(mechanism.base(values))
-    return _Check(mechanism, values, p, q, w, a, tolerance)
+    for holds, rule in _Check(mechanism, values, p, q, w, a, tolerance).rules():
+        if not holds:
+            raise AssertionError(f"{mechanism.kind}: {rule}")
+
+
+Rules = Iterator[tuple[Any, str]]  # whether each holds, and its sentence
+
+
+def _equal(actual: Any, expected: Any, rule: str, tolerance: float = 1e-9) -> tuple[bool, str]:
+    """The rule that two arrays are equal, to within a share of the largest number."""
+    actual, expected = np.asarray(actual), np.asarray(expected)
+    if actual.shape != expected.shape:
+        return False, f"{rule}: shapes are {actual.shape} and {expected.shape}"
+    off = float(np.max(np.abs(actual - expected), initial=0.0))
+    size = float(np.max(np.abs(expected), initial=0.0))
+    holds = off <= tolerance * max(size, 1e-12)
+    return holds, f"{rule}, but they differ by {off:.1g} of {size:.1g}"
 
 
 class _Check(NamedTuple):
@@ -76,24 +76,20 @@ class _Check(NamedTuple):
     a: Array
     tolerance: float
 
-    def require(self, holds: Any, rule: str) -> None:
-        if not holds:
-            raise AssertionError(f"{self.mechanism.kind}: {rule}")
+    def rules(self) -> Rules:
+        """All rules, one after the other."""
+        yield from self.facts()
+        yield from self.base_parameters()
+        yield from self.inertia()
+        yield from self.parts()
+        yield from self.lagrangian()
+        yield from self.partials()
+        yield from self.linear()
+        yield from self.batches()
+        yield from self.load()
+        yield from self.pickles()
 
-    def equal(self, actual: Array, expected: Array, rule: str, tolerance: float = 1e-9) -> None:
-        actual, expected = np.asarray(actual), np.asarray(expected)
-        self.require(
-            actual.shape == expected.shape,
-            f"{rule}: shapes are {actual.shape} and {expected.shape}",
-        )
-        off = float(np.max(np.abs(actual - expected), initial=0.0))
-        size = float(np.max(np.abs(expected), initial=0.0))
-        self.require(
-            off <= tolerance * max(size, 1e-12),
-            f"{rule}, but they differ by {off:.1g} of {size:.1g}",
-        )
-
-    def facts(self) -> None:
+    def facts(self) -> Rules:
         """Names are unique, and there is one entry for each joint and base parameter."""
         m = self.mechanism
         for label, names in (
@@ -101,52 +97,52 @@ class _Check(NamedTuple):
             ("base_names", m.base_names),
             ("parameters", tuple(p.name for p in m.parameters)),
         ):
-            self.require(len(set(names)) == len(names), f"{label} must be different: {names}")
+            yield len(set(names)) == len(names), f"{label} must be different: {names}"
         for label, entries in (
             ("position_units", m.position_units),
             ("velocity_units", m.velocity_units),
             ("torque_units", m.torque_units),
             ("driven", m.driven),
         ):
-            self.require(len(entries) == m.n, f"{label} must have one entry per joint: {entries}")
+            yield len(entries) == m.n, f"{label} must have one entry per joint: {entries}"
         valid = set(m.position_units) <= {"rad", "m"}
-        self.require(valid, f'position_units must be "rad" or "m", not {m.position_units}')
+        yield valid, f'position_units must be "rad" or "m", not {m.position_units}'
         for label, texts in (("base_units", m.base_units), ("base_meanings", m.base_meanings)):
             same = len(texts) == len(m.base_names)
-            self.require(same, f"{label} must have one entry per base parameter")
+            yield same, f"{label} must have one entry per base parameter"
         idle = np.asarray(m.B)[:, ~np.array(m.driven)]
-        self.require(np.shape(m.B) == (m.n, m.n), f"B must be ({m.n}, {m.n}), not {np.shape(m.B)}")
-        self.require(not idle.any(), "columns of B must be zero where no motor drives the joint")
+        yield np.shape(m.B) == (m.n, m.n), f"B must be ({m.n}, {m.n}), not {np.shape(m.B)}"
+        yield not idle.any(), "columns of B must be zero where no motor drives the joint"
 
-    def base_parameters(self) -> None:
+    def base_parameters(self) -> Rules:
         """`base` gives one number per name, takes batches, and fills in what is not given."""
         m, nb = self.mechanism, len(self.mechanism.base_names)
-        self.require(self.p.shape == (nb,), f"base must give ({nb},), not {self.p.shape}")
+        yield self.p.shape == (nb,), f"base must give ({nb},), not {self.p.shape}"
         twice = m.base({name: np.array([value, value]) for name, value in self.values.items()})
-        self.equal(twice, np.stack([self.p, self.p]), "base of a batch must be that of each entry")
+        yield _equal(
+            twice, np.stack([self.p, self.p]), "base of a batch must be that of each entry"
+        )
         filled = m.with_values(self.values).base({})
-        self.equal(filled, self.p, "base must take given values where none is passed")
+        yield _equal(filled, self.p, "base must take given values where none is passed")
 
-    def inertia(self) -> None:
+    def inertia(self) -> Rules:
         """M is symmetric and positive definite, and the same from each method."""
         M = np.asarray(self.mechanism.inertia(self.p, self.q))
-        self.equal(M, np.swapaxes(M, -1, -2), "M must be symmetric", 1e-12)
+        yield _equal(M, np.swapaxes(M, -1, -2), "M must be symmetric", 1e-12)
         least = float(np.linalg.eigvalsh(M).min())
-        self.require(
-            least > 0, f"M must be positive definite; its smallest eigenvalue is {least:.3g}"
-        )
+        yield (least > 0, f"M must be positive definite; its smallest eigenvalue is {least:.3g}")
 
-    def parts(self) -> None:
+    def parts(self) -> Rules:
         """`dynamics` and `inertia` are parts of `terms`."""
         m, t = self.mechanism, self.mechanism.terms(self.p, self.q, self.w)
         M, h = m.dynamics(self.p, self.q, self.w)
-        self.equal(M, t.M, "dynamics and terms must have the same M")
-        self.equal(h, t.h, "dynamics and terms must have the same h")
-        self.equal(m.inertia(self.p, self.q), t.M, "inertia and terms must have the same M")
-        self.equal(t.B, m.B, "terms must have the mechanism's B")
-        self.equal(t.momentum, times(t.M, self.w), "momentum must be M w")
+        yield _equal(M, t.M, "dynamics and terms must have the same M")
+        yield _equal(h, t.h, "dynamics and terms must have the same h")
+        yield _equal(m.inertia(self.p, self.q), t.M, "inertia and terms must have the same M")
+        yield _equal(t.B, m.B, "terms must have the mechanism's B")
+        yield _equal(t.momentum, times(t.M, self.w), "momentum must be M w")
 
-    def lagrangian(self) -> None:
+    def lagrangian(self) -> Rules:
         """Momentum and dL/dq are derivatives of L = T - V, and h follows from them."""
         m, p, q, w = self.mechanism, self.p, self.q, self.w
         t = m.terms(p, q, w)
@@ -159,14 +155,14 @@ class _Check(NamedTuple):
             return (other.momentum * w).sum(-1) - other.energy
 
         rule = "momentum must be the derivative of the energy by velocity"
-        self.equal(t.momentum, _slope(energy, w), rule, self.tolerance)
+        yield _equal(t.momentum, _slope(energy, w), rule, self.tolerance)
         rule = "dLdq must be the derivative of T - V by position"
-        self.equal(t.dLdq, _slope(lagrangian, q), rule, self.tolerance)
+        yield _equal(t.dLdq, _slope(lagrangian, q), rule, self.tolerance)
         change = _slope(lambda q: times(m.inertia(p, q), w), q)
         rule = "h must be dLdq less d(M w)/dq w"
-        self.equal(t.h, t.dLdq - times(change, w), rule, self.tolerance)
+        yield _equal(t.h, t.dLdq - times(change, w), rule, self.tolerance)
 
-    def partials(self) -> None:
+    def partials(self) -> Rules:
         """Partial derivatives are those of M a - h, and the regressor times p gives it."""
         m, p, q, w, a = self.mechanism, self.p, self.q, self.w, self.a
 
@@ -176,20 +172,20 @@ class _Check(NamedTuple):
 
         by_q, by_w, by_p = m.partials(p, q, w, a)
         slope_q, slope_w = _slope(lambda q: torque(q, w), q), _slope(lambda w: torque(q, w), w)
-        self.equal(by_q, slope_q, "partials by q must be derivatives of M a - h", self.tolerance)
-        self.equal(by_w, slope_w, "partials by w must be derivatives of M a - h", self.tolerance)
-        self.equal(times(by_p, p), torque(q, w), "the regressor times p must be M a - h")
+        yield _equal(by_q, slope_q, "partials by q must be derivatives of M a - h", self.tolerance)
+        yield _equal(by_w, slope_w, "partials by w must be derivatives of M a - h", self.tolerance)
+        yield _equal(times(by_p, p), torque(q, w), "the regressor times p must be M a - h")
 
-    def linear(self) -> None:
+    def linear(self) -> Rules:
         """M and h are linear in p: unit vectors of p add up to them."""
         m, (M, h) = self.mechanism, self.mechanism.dynamics(self.p, self.q, self.w)
         units = np.eye(len(self.p))[:, None]
         each_M, each_h = m.dynamics(units, self.q, self.w)
         rule = "{} must be linear in the base parameters"
-        self.equal(np.tensordot(self.p, each_M, 1), M, rule.format("M"))
-        self.equal(np.tensordot(self.p, each_h, 1), h, rule.format("h"))
+        yield _equal(np.tensordot(self.p, each_M, 1), M, rule.format("M"))
+        yield _equal(np.tensordot(self.p, each_h, 1), h, rule.format("h"))
 
-    def batches(self) -> None:
+    def batches(self) -> Rules:
         """A batch of states and base parameters gives what each gives alone."""
         m, q, w, a = self.mechanism, self.q, self.w, self.a
         p = np.stack([self.p, 1.1 * self.p])
@@ -201,19 +197,19 @@ class _Check(NamedTuple):
                     for name, value in single._asdict().items():
                         whole = getattr(together, name)
                         picked = whole if name == "B" else whole[i, k]
-                        self.equal(picked, value, f"{name} of a batch must be that of each entry")
+                        yield _equal(picked, value, f"{name} of a batch must be that of each entry")
 
-    def load(self) -> None:
+    def load(self) -> Rules:
         """Bearing loads are finite and not negative, alone as in a batch."""
         m, u = self.mechanism, self.a * self.mechanism.motors
         load = np.asarray(m.load(self.values, self.q, self.w, u))
-        self.require(load.shape == self.q.shape, f"load must be {self.q.shape}, not {load.shape}")
+        yield load.shape == self.q.shape, f"load must be {self.q.shape}, not {load.shape}"
         good = np.isfinite(load).all() and (load >= 0).all()
-        self.require(good, "load must be finite and not negative")
+        yield good, "load must be finite and not negative"
         alone = m.load(self.values, self.q[3], self.w[3], u[3])
-        self.equal(load[3], alone, "load of a batch must be that of each entry")
+        yield _equal(load[3], alone, "load of a batch must be that of each entry")
 
-    def pickles(self) -> None:
+    def pickles(self) -> Rules:
         """A pickled copy is equal and computes the same."""
         m = self.mechanism
         try:
@@ -221,9 +217,9 @@ class _Check(NamedTuple):
         except Exception as error:
             message = f"{m.kind}: it must pickle ({error}): other processes compute with it"
             raise AssertionError(message) from None
-        self.require(copy == m, "a pickled copy must be equal")
+        yield copy == m, "a pickled copy must be equal"
         h, again = (x.dynamics(self.p, self.q, self.w)[1] for x in (m, copy))
-        self.require(np.array_equal(h, again), "a pickled copy must compute the same")
+        yield np.array_equal(h, again), "a pickled copy must compute the same"
 
 
 def _slope(f: Callable[[Array], Array], x: Array) -> Array:

@@ -24,6 +24,7 @@ from frictionid.errors import InputError
 _ROUNDING = 1e-14  # of the largest inertia: less is none
 _LARGEST = 1e9  # of a parameter, in SI units
 _TORQUE = {"rad": "N m", "m": "N"}
+Value = float | None  # of a parameter, SI; None: as data sets say, or the default
 
 
 class Parameter(NamedTuple):

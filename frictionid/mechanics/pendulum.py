@@ -5,7 +5,7 @@ from functools import cache
 import sympy as sp
 
 from .description import Base, Body, Description
-from .mechanism import Parameter
+from .mechanism import Parameter, Value
 from .symbolic import SymbolicMechanism
 
 _MOTOR = (
@@ -18,14 +18,14 @@ def pendulum(
     driven: bool = True,
     motor: bool = False,
     *,
-    mass: float | None = None,
-    length: float | None = None,
-    inertia: float | None = None,
-    rotor: float | None = None,
-    gear: float | None = None,
-    g: float | None = None,
-    kt: float | None = None,
-    R: float | None = None,
+    mass: Value = None,
+    length: Value = None,
+    inertia: Value = None,
+    rotor: Value = None,
+    gear: Value = None,
+    g: Value = None,
+    kt: Value = None,
+    R: Value = None,
 ) -> SymbolicMechanism:
     """Pendulum of mass and length (to its centre of mass), reflected rotor inertia included.
 

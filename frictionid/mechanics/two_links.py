@@ -11,7 +11,7 @@ from functools import cache
 import sympy as sp
 
 from .description import Base, Body, Description, Expression
-from .mechanism import Parameter
+from .mechanism import Parameter, Value
 from .symbolic import SymbolicMechanism
 
 _Q1, _Q2 = sp.symbols("q1 q2")
@@ -40,16 +40,16 @@ _LINKS = (
 def double_pendulum(
     driven: tuple[bool, bool] = (True, True),
     *,
-    m1: float | None = None,
-    m2: float | None = None,
-    l1: float | None = None,
-    r1: float | None = None,
-    r2: float | None = None,
-    I1: float | None = None,
-    I2: float | None = None,
-    Ir: float | None = None,
-    gr: float | None = None,
-    g: float | None = None,
+    m1: Value = None,
+    m2: Value = None,
+    l1: Value = None,
+    r1: Value = None,
+    r2: Value = None,
+    I1: Value = None,
+    I2: Value = None,
+    Ir: Value = None,
+    gr: Value = None,
+    g: Value = None,
 ) -> SymbolicMechanism:
     """Double pendulum with motors at the joints where `driven` is true.
 
@@ -118,22 +118,22 @@ _PARTS = (
 
 def acrobot(
     *,
-    m1: float | None = None,
-    m2: float | None = None,
-    m3: float | None = None,
-    m4: float | None = None,
-    L1: float | None = None,
-    L2: float | None = None,
-    L3: float | None = None,
-    L4: float | None = None,
-    rotor: float | None = None,
-    gear: float | None = None,
-    g: float | None = None,
-    J_shaft: float | None = None,
-    J_clamp: float | None = None,
-    J_bush: float | None = None,
-    J_link1: float | None = None,
-    J2: float | None = None,
+    m1: Value = None,
+    m2: Value = None,
+    m3: Value = None,
+    m4: Value = None,
+    L1: Value = None,
+    L2: Value = None,
+    L3: Value = None,
+    L4: Value = None,
+    rotor: Value = None,
+    gear: Value = None,
+    g: Value = None,
+    J_shaft: Value = None,
+    J_clamp: Value = None,
+    J_bush: Value = None,
+    J_link1: Value = None,
+    J2: Value = None,
 ) -> SymbolicMechanism:
     """Acrobot with the parts of [DeMeester2020].
 

@@ -22,7 +22,7 @@ from frictionid.arrays import solve
 from frictionid.data.signals import Array
 from frictionid.mechanics import Mechanism
 
-from .true_friction import Load, LoadFriction, TrueFriction
+from .true_friction import LoadFriction, TrueFriction
 
 # A joint that neither slips nor sticks, to within rounding, would change its mode endlessly: after
 # this many events within one step (0.3 ms) the joints at rest stay at rest until its end.
@@ -64,7 +64,7 @@ class TrueSystem:
         moment, total = -self.friction.moment * np.sin(y[0]), 0.0 * Tf
         for _ in range(_ITERATIONS):  # a gear's load is what friction leaves of the motor torque
             bearing = self.mechanism.load(self.parameters, y[0], y[1], u - total)
-            before, level = total, self.friction.loaded_level(w, Load(bearing, u, moment))
+            before, level = total, self.friction.loaded_level(w, bearing, u, moment)
             total = Tf + mode * level
             if not self.mechanism.loads_of_gears or np.abs(total - before).max() < _TOLERANCE:
                 break

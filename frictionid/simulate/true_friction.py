@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -255,14 +255,6 @@ class LuGre(TrueFriction):
         return w - self._arrays[0] * mode * w * z / self.curve.level(w, mode)
 
 
-class Load(NamedTuple):
-    """What loads the joints, (..., n) each: bearing force [N], motor and external torque [N m]."""
-
-    bearing: Array
-    motor: Array
-    external: Array
-
-
 @dataclass(frozen=True)
 class LoadFriction(TrueFriction):
     """Memory-free friction whose level grows with the load, set-valued at rest.
@@ -307,11 +299,10 @@ class LoadFriction(TrueFriction):
                 object.__setattr__(self, name, (0.0,) * self.curve.n)
         super().__post_init__()
 
-    def loaded_level(self, w: Array, load: Load) -> Array:
+    def loaded_level(self, w: Array, N: Array, u: Array, te: Array) -> Array:
         """What the load adds to the level [N m] at velocities w, (..., n)."""
         bearing, motor, external, *peaks, of_motor, of_external, _ = self._arrays
         peak_motor, peak_external = peaks
-        N, u, te = load
         square = np.where(np.abs(u) > np.abs(te), of_external * te**2, of_motor * u**2)
         peak = np.abs(peak_motor * u - peak_external * te) + np.where(u * te < 0, square, 0.0)
         left = np.exp(-((w / np.array(self.curve.stribeck_velocity)) ** 2))

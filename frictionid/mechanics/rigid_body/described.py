@@ -12,7 +12,7 @@ from frictionid.files import sha256
 
 from .base_parameters import base_parameters
 from .rigid_body_tree import RigidBodyTree, parameters_of_tree
-from .robot import Choice, Robot, Tree, tree_of, with_rotors
+from .robot import Choice, Couplings, Robot, Tree, tree_of, with_rotors
 from .robot_files import read_mjcf, read_urdf
 
 
@@ -24,7 +24,7 @@ def urdf(
     gravity: Sequence[float] | None = None,
     payload: str | None = None,
     driven: Sequence[bool] | bool = True,
-    coupled: Mapping[str, Mapping[str, float]] | None = None,
+    coupled: Couplings | None = None,
     floating: bool = False,
 ) -> RigidBodyTree:
     """Mechanism of n joints that a URDF describes.
@@ -64,7 +64,7 @@ def mjcf(
     gravity: Sequence[float] | None = None,
     payload: str | None = None,
     driven: Sequence[bool] | bool = True,
-    coupled: Mapping[str, Mapping[str, float]] | None = None,
+    coupled: Couplings | None = None,
     floating: bool = False,
 ) -> RigidBodyTree:
     """Mechanism of n joints that an MJCF describes, with its armatures as rotors; see `urdf`.
@@ -144,9 +144,7 @@ def _driven(driven: Sequence[bool] | bool, joints: tuple[str, ...]) -> tuple[boo
     return each
 
 
-def _coupled(
-    table: Mapping[str, Mapping[str, float]] | None, tree: Tree
-) -> tuple[tuple[str, tuple[float, ...]], ...]:
+def _coupled(table: Couplings | None, tree: Tree) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """Names of the coupled parts, and their turns for one of each joint."""
     if table is None:
         return ()

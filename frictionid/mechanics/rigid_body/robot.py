@@ -124,6 +124,9 @@ class Attached(NamedTuple):
     shift: Array
 
 
+Couplings = Mapping[str, Mapping[str, float]]  # turns for one of each joint, part by part
+
+
 class Choice(NamedTuple):
     """What a [mechanism] table says beside the file, see `described.urdf`."""
 
@@ -133,7 +136,7 @@ class Choice(NamedTuple):
     gravity: Sequence[float] | None = None
     payload: str | None = None
     driven: Sequence[bool] | bool = True
-    coupled: Mapping[str, Mapping[str, float]] | None = None
+    coupled: Couplings | None = None
     floating: bool = False
 
     def changed(self) -> dict[str, Any]:

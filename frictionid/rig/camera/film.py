@@ -15,7 +15,7 @@ from frictionid.errors import InputError, needs
 from frictionid.simulate.dataset_folder import settings_of
 
 from .scene import Image, Look, Scene, SyncLed, View, chain
-from .source import VideoFormat, video_file
+from .source import video_file
 
 with needs("camera"):
     import cv2
@@ -134,11 +134,10 @@ def write_film(film: Film, motion: TrueMotion, stem: Path) -> Path:
     """
     jpeg = film.codec != "mpeg4"
     quality = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, _COLOUR[film.codec]]
-    form = VideoFormat("mp4v", film.rate, film.view.size)
-    if jpeg:
-        form = VideoFormat("jpeg", CLOCK, film.view.size, (cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1))
+    codec, rate = ("jpeg", CLOCK) if jpeg else ("mp4v", film.rate)
+    options = (cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1) if jpeg else ()
     start, path = motion.angle.time[0], video_path(film, stem)
-    with video_file(path, form) as writer:
+    with video_file(path, codec, rate, film.view.size, options) as writer:
         for shot in shots(film, motion):
             if jpeg:
                 writer.set(cv2.VIDEOWRITER_PROP_PTS, float(round((shot.time - start) * CLOCK)))

@@ -6,7 +6,7 @@ The encoder says nothing of a full disk: what it has written is read again.
 import glob
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -224,18 +224,13 @@ def _sequence(what: str, files: list[str], rate: float | None) -> Source:
 # --- Written --------------------------------------------------------------------------------------
 
 
-class VideoFormat(NamedTuple):
-    """Four letters of the codec, frames per second, (width, height) [px], options of OpenCV."""
-
-    codec: str
-    rate: float
-    size: tuple[int, int]
-    options: tuple[int, ...] = ()
-
-
 @contextmanager
-def video_file(path: Path, form: VideoFormat) -> Iterator[cv2.VideoWriter]:
+def video_file(
+    path: Path, codec: str, rate: float, size: tuple[int, int], options: Sequence[int] = ()
+) -> Iterator[cv2.VideoWriter]:
     """A writer of a QuickTime or MPEG-4 file, which has its name once it is whole.
+
+    codec : four letters; rate : frames per second; size : width, height [px]; options : of OpenCV
 
     Raises
     ------
@@ -243,10 +238,8 @@ def video_file(path: Path, form: VideoFormat) -> Iterator[cv2.VideoWriter]:
         Where it cannot be written, as on a full disk.
     """
     with written_beside(path) as beside:
-        code = cv2.VideoWriter.fourcc(*form.codec)
-        writer = cv2.VideoWriter(
-            str(beside), cv2.CAP_FFMPEG, code, form.rate, form.size, form.options
-        )
+        code = cv2.VideoWriter.fourcc(*codec)
+        writer = cv2.VideoWriter(str(beside), cv2.CAP_FFMPEG, code, rate, size, options)
         try:
             if not writer.isOpened():
                 raise InputError(f"{path} cannot be written as a video; name another .mp4 or .mov")

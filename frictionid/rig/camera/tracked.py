@@ -12,7 +12,7 @@ from frictionid.errors import needs
 from frictionid.files import write_bytes, write_text
 
 from .angles import FOUND, LOST, PREDICTED, Angles, angles_csv
-from .source import Image, Source, VideoFormat, video_file
+from .source import Image, Source, video_file
 
 with needs("camera"):
     import cv2
@@ -85,8 +85,8 @@ class Tracked:
             Where it cannot be written.
         """
         source = self.source
-        form = VideoFormat("mp4v", source.rate if source.rate > 0 else 30.0, source.size)
-        with video_file(Path(path), form) as writer:
+        rate = source.rate if source.rate > 0 else 30.0
+        with video_file(Path(path), "mp4v", rate, source.size) as writer:
             for k, frame in enumerate(source.frames()):
                 writer.write(draw_frame(frame.image, self.angles, k))
 
