@@ -7,7 +7,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.mechanics import Mechanism, Plant, unit_inertia
+from frictionid.mechanics import Plant, unit_inertia
 
 from .recordings import Dataset, Recording
 from .signals import sample
@@ -26,7 +26,7 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
         not one per joint.
     """
     mechanism = dataset.mechanism
-    _check_columns(dataset, mechanism)
+    _check_columns(dataset)
     # most recordings have the same parameters: these are completed and checked once
     parameter_sets = [tuple(sorted(r.parameters.items())) for r in dataset.recordings]
     different = {pairs: k for k, pairs in enumerate(dict.fromkeys(parameter_sets))}
@@ -51,8 +51,9 @@ def on_recorded_base(plant: Plant, recording: Recording, time: Array) -> Plant:
     return plant if motion is None else plant.on_base(sample(motion, time))
 
 
-def _check_columns(dataset: Dataset, mechanism: Mechanism) -> None:
+def _check_columns(dataset: Dataset) -> None:
     """Refuse recordings of other joints than the mechanism's."""
+    mechanism = dataset.mechanism
     kind, n = mechanism.kind, mechanism.n
     for recording in dataset.recordings:
         if mechanism.floating != (recording.base_motion is not None):

@@ -287,18 +287,17 @@ def mjcf_of(
     single = (np.abs(tree.rotors) > 0).sum(axis=1) == 1
     armature = (tree.rotors[single] ** 2 * links.rotors[single, None]).sum(axis=0)
     driven = [name for name, motor in zip(tree.joints, mechanism.driven, strict=True) if motor]
-    context = {
-        "kind": mechanism.kind,
-        "timestep": timestep,
-        "tree": tree,
-        "links": links,
-        "armature": armature,
-        "coupled": np.flatnonzero(~single).tolist(),
-        "driven": driven,
-        "inertial": _inertial,
-        "quaternion": _quaternion,
-    }
-    return _template().render(context)
+    return _template().render(
+        kind=mechanism.kind,
+        timestep=timestep,
+        tree=tree,
+        links=links,
+        armature=armature,
+        coupled=np.flatnonzero(~single).tolist(),
+        driven=driven,
+        inertial=_inertial,
+        quaternion=_quaternion,
+    )
 
 
 @cache

@@ -1,5 +1,7 @@
 """Torque commands of the simulated drive: wave forms, tables, and a position controller.
 
+`values` of a wave form or table are the command at increasing times (T,) [s], shape (T,) [N m].
+
 Under the controller torque follows from the motion: a robot's drives sample the angles, compute
 
     u = u_nominal(reference) + kp (q_reference - q) + kd (w_reference - w)
@@ -7,7 +9,6 @@ Under the controller torque follows from the motion: a robot's drives sample the
 and hold it until the next sample.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -27,16 +28,8 @@ from frictionid.progress import report_step
 from .integrate import TrueSystem, advance, modes_after_jump, next_modes
 
 
-class Command(ABC):
-    """A wave form of the torque."""
-
-    @abstractmethod
-    def values(self, time: Array, generator: np.random.Generator) -> Array:
-        """Command at increasing times (T,) [s], shape (T,) [N m]."""
-
-
 @validated
-class Sine(Command):
+class Sine:
     """offset + amplitude sin(2 pi frequency t + phase); [N m], [Hz], [rad].
 
     >>> generator = np.random.default_rng(0)
@@ -56,7 +49,7 @@ class Sine(Command):
 
 
 @validated
-class Chirp(Command):
+class Chirp:
     """Sine whose frequency [Hz] changes linearly from the first to the last sample.
 
     >>> Chirp(0.1, 1.0, 2.0).values(np.array([0.0, 1.0]), np.random.default_rng(0)).round(6) + 0.0
@@ -76,7 +69,7 @@ class Chirp(Command):
 
 
 @validated
-class Steps(Command):
+class Steps:
     """Levels drawn evenly from -amplitude to amplitude, each held for `hold` [s].
 
     >>> generator = np.random.default_rng(0)
@@ -96,7 +89,7 @@ class Steps(Command):
 
 
 @validated
-class Multisine(Command):
+class Multisine:
     """Sines of equal height and random phase at some frequencies [Hz], with the amplitude as peak.
 
     >>> generator = np.random.default_rng(0)
@@ -116,7 +109,7 @@ class Multisine(Command):
 
 
 @validated
-class Noise(Command):
+class Noise:
     """White noise between two frequencies [Hz] with half the amplitude as deviation, cut off at it.
 
     >>> generator = np.random.default_rng(0)
@@ -146,7 +139,7 @@ class Noise(Command):
 
 
 @validated
-class Table(Command):
+class Table:
     """Torque of a table with `time` [s], as `frictionid suggest` writes it.
 
     Each value is held to the next; after the last there is none.

@@ -1,7 +1,7 @@
 """Columns of a dataset.toml: their units, and the schemas of [columns] and [motor]."""
 
 import math
-from collections.abc import Iterator, Mapping, Sized
+from collections.abc import Mapping, Sized
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self, TypeVar
 
@@ -169,16 +169,13 @@ class ColumnNames(Strict):
         """Time column of the velocities."""
         return self.time.velocity or self.time.angle
 
-    def _per_joint(self) -> Iterator[tuple[str, list[str]]]:
-        yield "angle", self.angle
-        yield "torque", self.torque
-        if self.velocity is not None:
-            yield "velocity", self.velocity
-        if self.sigma is not None:
-            yield "sigma", self.sigma
+    def _per_joint(self) -> list[tuple[str, list[str]]]:
+        columns = {
+            label: getattr(self, label) for label in ("angle", "torque", "velocity", "sigma")
+        }
         if self.truth is not None:
-            yield "truth.angle", self.truth.angle
-            yield "truth.velocity", self.truth.velocity
+            columns |= {f"truth.{label}": names for label, names in self.truth}
+        return [(label, names) for label, names in columns.items() if names is not None]
 
     def names(self) -> list[str]:
         """All columns to read, each once."""

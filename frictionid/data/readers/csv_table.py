@@ -124,7 +124,15 @@ def _csv_lines(content: bytes, file: str) -> Iterator[tuple[int, list[str]]]:
             if blank and cells and not cells[-1]:
                 cells.pop()
             expected += 1  # a blank line is no row, but it counts where rows are named
-            _check_row(file, header, cells, (expected, reader.line_num))
+            if reader.line_num != expected:
+                # Two stray quotes would otherwise swallow all the rows between them.
+                raise InputError(f"{file}, row {expected}: a quote is left open; delete it")
+            if cells and len(cells) != len(header):
+                raise InputError(
+                    f"{file}, row {expected}: {len(cells)} cells where the first line has "
+                    f"{len(header)}; repair or delete the row (decimal commas need semicolons "
+                    f"between the cells; lines above the names need {_RECORDER})"
+                )
             if cells:
                 yield reader.line_num, cells
     except (UnicodeDecodeError, csv.Error) as error:
@@ -175,20 +183,6 @@ def _counts(head: Sequence[str]) -> bool:
     """
     names = [name for name in head if name]
     return names in ([str(k + first) for k in range(len(names))] for first in (0, 1))
-
-
-def _check_row(file: str, header: list[str], cells: list[str], numbers: tuple[int, int]) -> None:
-    """Complain about a row that ends in another line than expected, or has other cells."""
-    expected, row = numbers
-    if row != expected:
-        # Two stray quotes would otherwise swallow all the rows between them.
-        raise InputError(f"{file}, row {expected}: a quote is left open; delete it")
-    if cells and len(cells) != len(header):
-        raise InputError(
-            f"{file}, row {row}: {len(cells)} cells where the first line has {len(header)}; "
-            "repair or delete the row (decimal commas need semicolons between the cells; "
-            f"lines above the names need {_RECORDER})"
-        )
 
 
 def _number(cell: str, row: int, name: str, file: str) -> float:

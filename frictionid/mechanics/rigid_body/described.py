@@ -87,7 +87,8 @@ def _mechanism(
         raise InputError(f'[mechanism] {kind} = {file!r} must be a file: {kind} = "arm.{kind}"')
     robot = read(Path(file))
     choice = Choice(**{name: arguments[name] for name in Choice._fields})
-    payload = choice.payload
+    payload, usual = choice.payload, choice._field_defaults
+    changed = {k: value for k, value in choice._asdict().items() if value is not usual[k]}
     _check_choice(choice)
     tree, attached = tree_of(robot, choice)
     if payload is not None and payload not in attached:
@@ -114,7 +115,7 @@ def _mechanism(
         base_names=reduction.names,
         base_units=reduction.units,
         base_meanings=("",) * len(reduction.names),
-        options={kind: robot.place, **choice.changed()},
+        options={kind: robot.place, **changed},
         coupled=coupled,
         floating=tree.floating,
         tree=tree,

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -138,11 +138,6 @@ class Choice(NamedTuple):
     driven: Sequence[bool] | bool = True
     coupled: Couplings | None = None
     floating: bool = False
-
-    def changed(self) -> dict[str, Any]:
-        """Those that are not what they are if not given."""
-        usual = self._field_defaults
-        return {k: value for k, value in self._asdict().items() if value is not usual[k]}
 
 
 def tree_of(robot: Robot, choice: Choice) -> tuple[Tree, dict[str, Attached]]:

@@ -162,7 +162,9 @@ def align(
     coarse, clock = None, start
     if clock is None:
         coarse = coarse_offset(plant.mechanism, nominal, rows, angle, torque)
-        clock = _constant(angle, torque, coarse.offset)
+        first = max(angle.time[0], torque.time[0] + coarse.offset)
+        last = min(angle.time[-1], torque.time[-1] + coarse.offset)
+        clock = Clock(coarse.offset, 0.0, (first + last) / 2 - coarse.offset)
     for _ in range(_ROUNDS):
         data = _together(dataset, angle, torque, clock)
         delays = _delays(rows, data.recordings[0], nominal)
@@ -199,13 +201,6 @@ def by_marker(
         converged=True,
         marker_only=reason,
     )
-
-
-def _constant(angle: Signal, torque: Signal, offset: float) -> Clock:
-    """Clock without drift, referred to the middle of the common motion."""
-    first = max(angle.time[0], torque.time[0] + offset)
-    last = min(angle.time[-1], torque.time[-1] + offset)
-    return Clock(offset, 0.0, (first + last) / 2 - offset)
 
 
 def _together(dataset: Dataset, angle: Signal, torque: Signal, clock: Clock) -> Dataset:

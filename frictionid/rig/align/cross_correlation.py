@@ -198,7 +198,9 @@ def _joint_sums(
     def on_grid(values: Array) -> Array:
         return moves * np.interp(motion, middle, values)
 
-    Q = _basis(np.stack([on_grid(shape) for shape in rows.shapes(j).T], axis=1))
+    shapes = np.stack([on_grid(shape) for shape in rows.shapes(j).T], axis=1)
+    size = np.sqrt((shapes**2).sum(axis=0))
+    Q = orth(shapes / np.where(size > 0, size, 1.0), rcond=1e-6)
     y = on_grid(asked[:, j])
     y = y - Q @ (Q.T @ y)
     x = _means(torque._replace(value=torque.value[:, [j]]), log)[::-1]
@@ -213,12 +215,6 @@ def _convolved(a: Array, b: Array) -> Array:
     size = len(a) + len(b) - 1
     fast = next_fast_len(size)
     return irfft(rfft(a, fast) * rfft(b, fast), fast)[:size]
-
-
-def _basis(columns: Array) -> Array:
-    """Orthonormal basis of some columns."""
-    size = np.sqrt((columns**2).sum(axis=0))
-    return orth(columns / np.where(size > 0, size, 1.0), rcond=1e-6)
 
 
 def _means(torque: Signal, clock: Array) -> Array:

@@ -165,22 +165,15 @@ def _measured(
     frames: Iterator[Frame], led: SyncLed, size: tuple[int, int], brightness: list[float]
 ) -> Iterator[Frame]:
     """The frames; the brightness of the LED in each, from 0 to 1, is appended to a list."""
-    (x0, y0), (x1, y1), disc = _disc(led, size)
+    at, r = np.array(led.at), max(led.radius, 1.5)  # at least one pixel
+    x0, y0 = np.clip(np.floor(at - r).astype(int), 0, size).tolist()
+    x1, y1 = np.clip(np.ceil(at + r).astype(int) + 1, 0, size).tolist()
+    y, x = np.mgrid[y0:y1, x0:x1]
+    disc = (np.hypot(x - at[0], y - at[1]) <= r).astype(np.uint8)
     for frame in frames:
         part = frame.image[y0:y1, x0:x1]
         brightness.append(sum(cv2.mean(part, disc)[:3]) / (3 * 255))
         yield frame
-
-
-def _disc(led: SyncLed, size: tuple[int, int]) -> tuple[list[int], list[int], Image]:
-    """Corners of the part of the pictures that holds the LED, and the mask of its pixels."""
-    at, r = np.array(led.at), max(led.radius, 1.5)  # at least one pixel
-    low = np.clip(np.floor(at - r).astype(int), 0, size)
-    high = np.clip(np.ceil(at + r).astype(int) + 1, 0, size)
-    (x0, y0), (x1, y1) = low.tolist(), high.tolist()
-    y, x = np.mgrid[y0:y1, x0:x1]
-    disc = np.hypot(x - at[0], y - at[1]) <= r
-    return [x0, y0], [x1, y1], disc.astype(np.uint8)
 
 
 def _frames(source: Source) -> Iterator[Frame]:
