@@ -249,7 +249,16 @@ class Mechanism(ABC):
         """
         self.check_values(overrides or {})
         values_given = {**self.values, **(overrides or {})}
-        self._check_complete(values_given)
+        missing = [
+            f"{p.name} [{p.unit}] ({p.meaning})"
+            for p in self.parameters
+            if p.required and p.name not in values_given
+        ]
+        if missing:
+            raise InputError(
+                f"[mechanism] {self.kind} needs {', '.join(missing)}: "
+                "give it in [mechanism.parameters]; no machine has a usual mass or length"
+            )
         values = {**self.defaults, **values_given}
         self._check_positive(values)
         return values
@@ -344,18 +353,6 @@ class Mechanism(ABC):
             motor = self.kind == "pendulum" and name in ("kt", "R")
             way = "motor = true in [mechanism] adds it" if motor else nearest(name, names)
             raise InputError(f"[mechanism] {self.kind} has no parameter {name!r}; {way}")
-
-    def _check_complete(self, values_given: Mapping[str, float]) -> None:
-        missing = [
-            f"{p.name} [{p.unit}] ({p.meaning})"
-            for p in self.parameters
-            if p.required and p.name not in values_given
-        ]
-        if missing:
-            raise InputError(
-                f"[mechanism] {self.kind} needs {', '.join(missing)}: "
-                "give it in [mechanism.parameters]; no machine has a usual mass or length"
-            )
 
     def _check_positive(self, values: Mapping[str, float]) -> None:
         """Refuse an M that is not positive definite, with the joints that have no inertia."""

@@ -92,23 +92,18 @@ def _kind(table: Mapping[str, Any], code: Code | None) -> tuple[str, Callable[..
         return described[0], FORMATS[described[0]]
     kind = str(table.get("kind", ""))
     if ":" in kind:
-        return kind, _user_function(kind, code)
+        if code is None:
+            raise InputError(f"[mechanism] kind = {untrusted(kind)}")
+        build: Callable[..., Mechanism] = code(kind)
+        if not callable(build):
+            raise InputError(f"[mechanism] kind = {kind!r} is no function that gives a mechanism")
+        return kind, build
     if kind not in _KINDS:
         raise InputError(
             f"[mechanism] kind = {kind!r} is unknown; {nearest(kind, _KINDS)}; or name the file "
             'that describes it: urdf = "arm.urdf"'
         )
     return kind, _KINDS[kind]
-
-
-def _user_function(kind: str, code: Code | None) -> Callable[..., Mechanism]:
-    """A function of one's own that gives a mechanism."""
-    if code is None:
-        raise InputError(f"[mechanism] kind = {untrusted(kind)}")
-    build: Callable[..., Mechanism] = code(kind)
-    if not callable(build):
-        raise InputError(f"[mechanism] kind = {kind!r} is no function that gives a mechanism")
-    return build
 
 
 def _built(build: Callable[..., Mechanism], kind: str, options: Mapping[str, Any]) -> Mechanism:

@@ -7,7 +7,6 @@ from pydantic import Field, model_validator
 
 from frictionid.config import Strict
 
-from ..base_motion import Mounting
 from .column_toml import Column
 
 Three = Annotated[list[Column], Field(min_length=3, max_length=3)]
@@ -75,8 +74,3 @@ class Base(Strict):
         """Columns of each quantity that has some."""
         named = {quantity: getattr(self, quantity) for quantity in _QUANTITIES}
         return {quantity: names for quantity, names in named.items() if isinstance(names, list)}
-
-    @property
-    def mounting(self) -> Mounting:
-        """Where the sensor is."""
-        return Mounting(tuple(self.sensor_rotation), tuple(self.sensor_position))

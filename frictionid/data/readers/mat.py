@@ -91,7 +91,10 @@ def mat_column(variables: dict[str, Any], name: str, file: str) -> Array:
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu" or value.ndim > 2:
         raise InputError(f"{file}: column {name!r} holds no real numbers; convert it to double")
     if match[2] is not None:
-        return _picked(value, int(match[2]), name, file)
+        table = value if value.ndim == 2 else value[:, None]
+        if int(match[2]) > table.shape[1]:
+            raise InputError(f"{file}: there is no {name!r}, it has {table.shape[1]} columns")
+        return table[:, int(match[2]) - 1].astype(float)
     if value.ndim == 2 and min(value.shape) > 1:
         raise InputError(
             f"{file}: {name!r} has {value.shape[1]} columns; name one of them, as {match[1]}(:,1)"
@@ -129,13 +132,6 @@ def _sizes(variables: dict[str, Any], within: str = "") -> Iterator[tuple[str, i
                 yield within + name, value.size
             elif columns <= rows:  # a wide matrix has its samples side by side
                 yield from ((f"{within}{name}(:,{k + 1})", rows) for k in range(columns))
-
-
-def _picked(value: Array, column: int, name: str, file: str) -> Array:
-    table = value if value.ndim == 2 else value[:, None]
-    if column > table.shape[1]:
-        raise InputError(f"{file}: there is no {name!r}, it has {table.shape[1]} columns")
-    return table[:, column - 1].astype(float)
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:

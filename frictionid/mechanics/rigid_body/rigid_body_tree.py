@@ -86,16 +86,12 @@ class RigidBodyTree(Mechanism):
         by_q, by_w = self._evaluate(loops.derivatives, ((n, n), (n, n)), p, q, w, a)
         (by_p,) = self._evaluate(loops.regressor, ((n, len(self.base_names)),), p, q, w, a)
         if reduction.rounded:
-            column = by_p[..., reduction.carrier] + self._silent_torques(p, q, w, a)
+            silent = with_base_motion(reduction.silent, base_motion_of(p, len(self.base_names)))
+            whole, shapes = geometry(self.tree), ((n, n), (n,))
+            M, h = loops.evaluate(loops.dynamics, whole, shapes, silent, q, w)
+            column = by_p[..., reduction.carrier] + (times(M, a) - h)
             by_p[..., reduction.carrier] = column
         return Partials(by_q, by_w, by_p)
-
-    def _silent_torques(self, p: Array, q: Array, w: Array, a: Array) -> Array:
-        """Torques (..., n) of the silent parameters, see `BaseParameters`."""
-        silent = with_base_motion(self.reduction.silent, base_motion_of(p, len(self.base_names)))
-        shapes, tree = ((self.n, self.n), (self.n,)), geometry(self.tree)
-        M, h = loops.evaluate(loops.dynamics, tree, shapes, silent, q, w)
-        return times(M, a) - h
 
     def points(self, q: Array) -> Array:
         """Lines (..., k, 3) [m] through the joints, to the centre of mass of each last body.
