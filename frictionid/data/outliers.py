@@ -140,12 +140,8 @@ def smoothed(series: Series) -> Smoothed:
     if count <= width:
         return _smoothed(series)
     parts = [_smoothed(series.picked(slice(a, a + width))) for a in range(0, count, width)]
-    return Smoothed(
-        *(
-            np.concatenate(x, axis=a)
-            for x, a in zip(zip(*parts, strict=True), (1, 0, 1), strict=True)
-        )
-    )
+    mean, rho, left_out = zip(*parts, strict=True)
+    return Smoothed(np.hstack(mean), np.hstack(rho), np.hstack(left_out))
 
 
 def _smoothed(series: Series) -> Smoothed:

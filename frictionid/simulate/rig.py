@@ -111,7 +111,7 @@ class Rig:
     camera: Camera
     recordings: tuple[Run, ...]
     true_parameters: dict[str, float] = field(default_factory=dict)
-    drive: Drive = field(default_factory=Drive)
+    drive: Drive = Drive()
     controller: Controller | None = None
     variation: "Variation | None" = None
     true_mechanism: Any = None

@@ -77,11 +77,25 @@ def calibrate_view(
     weight = np.sqrt(min(1.0, _INDEPENDENT / max(int(use.sum()), 1)))
     # a single link draws a circle, which looks like one under many perspectives and lenses
     free = np.array([1.0, 1.0, n > 1, n > 1, n > 1]) * view
+    # from the last unknowns to the lengths of the links
     ratio = np.eye(n) if lengths is None else np.asarray(lengths)[:, None] / lengths[0]
-    model = _Model(size, free, fixed, ratio)
+
+    def plane(x: Array) -> Plane:
+        return Plane(size, tuple(x[:5] * free))
+
+    def shift(x: Array) -> Array:
+        return x[5:7] * fixed
+
+    def lengths_of(x: Array) -> Array:
+        return (ratio * x[7:]).sum(axis=1)
+
+    def longer(x: Array, markers: Array) -> Array:  # measured minus estimated lengths (T, n) [px]
+        moved = markers.copy()
+        moved[:, 0] += shift(x)
+        return link_lengths(flattened(moved, plane(x))) - lengths_of(x)
 
     def residual(x: Array) -> Array:
-        off = _huber(model.residual(x, markers[rows]) / noise)
+        off = _huber(longer(x, markers[rows]) / noise)
         return np.concatenate([weight * off[use], x[:5] / _PLANE_SIGMA, x[5:7] / _PIVOT_SIGMA])
 
     measured = link_lengths(markers[rows])
@@ -89,37 +103,9 @@ def calibrate_view(
     first = start if lengths is None else np.array([np.mean(start / ratio[:, 0])])
     scale = np.concatenate([_PLANE_SIGMA, [1.0, 1.0], np.ones(len(first))])
     x = least_squares(residual, np.concatenate([np.zeros(7), first]), x_scale=scale).x
-    pivot = markers[0, 0] + model.shift(x) if fixed else None
-    off = np.where(both, model.residual(x, markers), np.nan)
-    return ViewCalibration(model.plane(x), pivot, model.lengths(x), off)
-
-
-class _Model(NamedTuple):
-    """What the unknowns x stand for.
-
-    free : array, shape (5,), zero for shapes of the plane that stay zero; fixed : whether the pivot
-    is given; ratio : array, shape (n, m), from the last m unknowns to the lengths of the links
-    """
-
-    size: tuple[int, int]
-    free: Array
-    fixed: bool
-    ratio: Array
-
-    def plane(self, x: Array) -> Plane:
-        return Plane(self.size, tuple(x[:5] * self.free))
-
-    def shift(self, x: Array) -> Array:
-        return x[5:7] * self.fixed
-
-    def lengths(self, x: Array) -> Array:
-        return (self.ratio * x[7:]).sum(axis=1)
-
-    def residual(self, x: Array, markers: Array) -> Array:
-        """Measured minus estimated lengths (T, n) [px] of the links in the plane."""
-        moved = markers.copy()
-        moved[:, 0] += self.shift(x)
-        return link_lengths(flattened(moved, self.plane(x))) - self.lengths(x)
+    pivot = markers[0, 0] + shift(x) if fixed else None
+    off = np.where(both, longer(x, markers), np.nan)
+    return ViewCalibration(plane(x), pivot, lengths_of(x), off)
 
 
 def link_noise(sigma: Array) -> Array:

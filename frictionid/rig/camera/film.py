@@ -1,7 +1,6 @@
 """Videos of simulated recordings: exposure blur, noise, jitter, dropped frames, occlusions."""
 
 from collections.abc import Iterator
-from dataclasses import field
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -57,8 +56,8 @@ class Film:
     dropped: NotNegative = 0.0
     jitter: NotNegative = 0.0
     hidden: NotNegative = 0.0
-    view: View = field(default_factory=View)
-    look: Look = field(default_factory=Look)
+    view: View = View()
+    look: Look = Look()
     sync_led: SyncLed | None = None
     codec: Literal["jpeg", "jpeg444", "mpeg4"] = "jpeg"
     seed: int = 0

@@ -59,22 +59,16 @@ def read(path: Path, settings: Mapping[str, Any]) -> Recording:
     second = 1.0 if chosen.time is None else UNITS["time"][chosen.time_unit]
     clock = chosen.time or f"{np.format_float_positional(chosen.rate or 0.0)} Hz"
     names = [*chosen.x, *chosen.y, clock]
-    table = _seen(read_table(read_bytes(path), str(path), names, header=chosen.header), chosen)
+    table = read_table(read_bytes(path), str(path), names, header=chosen.header)
+    if chosen.missing == "drop":
+        table = table.complete([*chosen.x, *chosen.y])
+    if not len(table.rows):
+        raise InputError(f"{table.file}: no row has all markers; name other columns")
     column = partial(signal_of, table, clock, second=second)
     x, y = column(chosen.x), column(chosen.y)
     markers = np.stack([x.value, y.value], axis=-1)
     angle = Signal(x.time, _angles(markers, chosen, table))
     return Recording(table_name(path.name), angle, angle._replace(value=np.zeros_like(angle.value)))
-
-
-def _seen(table: Table, settings: MarkerSettings) -> Table:
-    """The rows that have all markers."""
-    if settings.missing == "refuse":
-        return table
-    seen = table.complete([*settings.x, *settings.y])
-    if not len(seen.rows):
-        raise InputError(f"{table.file}: no row has all markers; name other columns")
-    return seen
 
 
 def _angles(markers: Array, settings: MarkerSettings, table: Table) -> Array:
