@@ -142,7 +142,7 @@ class Actuator(Strict):
             return Actuator(**values)
         except ValidationError as error:
             first = error.errors()[0]
-            at = ".".join(map(str, (*first["loc"][:1],)))
+            at = next(iter(first["loc"]), "")
             what = first["msg"].removeprefix("Value error, ")
             raise ValueError(f"recordings.{name}: {at}: {what}") from None
 

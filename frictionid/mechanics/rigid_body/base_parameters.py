@@ -72,7 +72,8 @@ def base_parameters(tree: Tree, inertial: Array) -> BaseParameters:
     silent[leading] -= p
     silent /= p[carrier] or 1.0  # a machine of no mass at all is refused elsewhere
     heard = np.abs(Y @ (silent / scale)).max() > _UNHEARD * np.abs(Y[:, leading[carrier]]).max()
-    names, units = _names(tree)
+    names = [*(f"{moment}_{b}" for b in tree.bodies for moment in MOMENTS), *tree.rotor_names]
+    units = [*MOMENT_UNITS * tree.n, *tree.rotor_units]
     return BaseParameters(
         tuple(names[i] for i in leading),
         tuple(units[i] for i in leading),
@@ -175,9 +176,3 @@ _BY_AXIS = (
     "Iyy Izz Ixz Iyz Ixy mz mx Ixx my mass",
     "Izz Ixx Ixy Ixz Iyz mx my Iyy mz mass",
 )
-
-
-def _names(tree: Tree) -> tuple[list[str], list[str]]:
-    names = [f"{moment}_{body}" for body in tree.bodies for moment in MOMENTS]
-    units = list(MOMENT_UNITS) * tree.n
-    return [*names, *tree.rotor_names], [*units, *tree.rotor_units]

@@ -173,15 +173,15 @@ def tree_of(robot: Robot, choice: Choice) -> tuple[Tree, dict[str, Attached]]:
         if here.body >= 0:
             inertia[here.body] += moved(robot.links[joint.child], here.turn, here.shift)
     _check_order(robot, moving, parent)
-    placed = [frames[i] for i in range(n)]
+    placed, turns, shifts = zip(*(frames[i] for i in range(n)), strict=True)
     return Tree(
         joints=moving,
-        bodies=tuple(joint.child for joint, _, _ in placed),
+        bodies=tuple(joint.child for joint in placed),
         parent=parent,
-        prismatic=np.array([joint.kind == "prismatic" for joint, _, _ in placed]),
-        axis=np.array([joint.axis for joint, _, _ in placed]),
-        turn=np.array([turn for _, turn, _ in placed]),
-        shift=np.array([shift for _, _, shift in placed]),
+        prismatic=np.array([joint.kind == "prismatic" for joint in placed]),
+        axis=np.array([joint.axis for joint in placed]),
+        turn=np.array(turns),
+        shift=np.array(shifts),
         inertia=inertia,
         rotor_names=tuple(f"rotor_{name}" for name in moving),
         rotors=np.eye(n),
