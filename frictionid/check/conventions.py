@@ -303,14 +303,14 @@ def conventions_of_recordings(measured: Measured) -> dict[int, Finding]:
     return odd if len(odd) < len(every) else {}
 
 
-def convention_of_recording(alone: Measured) -> Finding | None:
+def convention_of_recording(single: Measured) -> Finding | None:
     """A finding where one recording clearly follows another convention."""
-    first, *others = scores(alone)
+    first, *others = scores(single)
     fitting = better(others, first)
     if not fitting or first.score - fitting[0].score <= MARGIN:
         return None
     words = {
-        "recording": alone.dataset.recordings[0].name,
+        "recording": single.dataset.recordings[0].name,
         "convention": ", or ".join(s.convention.words for s in fitting),
     }
     values = {"score": fitting[0].score, "given": first.score}

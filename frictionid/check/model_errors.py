@@ -313,8 +313,8 @@ def findings_of(left: Misfit, coarse: bool = False) -> list[Finding]:
     free = left.free <= 0.5
     if free and left.free <= SINGLED_OUT and left.free**0.5 * left.share < LOCAL:
         best = left.errors[0]
-        alone = sentence(best.kind, {**best._asdict(), "also": ""})
-        rival = f"; or {alone}" if best.left <= ALIKE * left.free else ""
+        single = sentence(best.kind, {**best._asdict(), "also": ""})
+        rival = f"; or {single}" if best.left <= ALIKE * left.free else ""
         words = {"removed": 1 - left.free, "rival": f"{rival}{left.rival}"}
         return [finding("nominal_mechanism", {"left": left.free}, words)]
     # no friction and no usual error of a model would leave so much

@@ -11,13 +11,13 @@ from frictionid.data.recordings import Dataset
 from .conventions import Scored
 from .end_stops import stop_findings
 from .facts import JointFacts, joints_of
+from .faults_of_recordings import tests_of
 from .findings import LEVELS, Finding
 from .friction_drift import drift_findings
 from .hypothesis_tests import Delay, HypothesisTests, sampling_findings, untested
 from .log_faults import dead_torques, in_seconds, log_findings
 from .model_errors import ModelError
 from .motion import Measured, Motion, adapted, motions_of
-from .odd_recordings import tests_of
 from .passive import energy_test, gravity_findings, gravity_shares, passive_time, rest_tests
 from .questions import Identifiable, Question, advice, identifiable, questions, still_joints
 from .regression import Estimate, Regression, regress, widened

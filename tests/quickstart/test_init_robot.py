@@ -71,8 +71,7 @@ def call(arm, exact, tmp_path, run):
         for name in ("dataset.toml", "suite.toml"):
             (tmp_path / "log" / name).unlink(missing_ok=True)
         sets = [x for name, value in known for x in ("--set", f"rotor_{name}={value}")]
-        given = ("init", "log", "--mechanism", robot, *arguments)
-        code, out, err = run(tmp_path, *given, *sets)
+        code, out, err = run(tmp_path, "init log --mechanism", robot, *arguments, *sets)
         assert (code, err) == (0, f"reading {robot} and the tables, which takes seconds ...\n")
         return tomllib.loads((tmp_path / "log" / "dataset.toml").read_text()), out
 

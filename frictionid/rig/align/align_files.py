@@ -182,13 +182,17 @@ def align_files(
     torque = _torque(rows, rig, hold)
     gaps: list[tuple[float, float]] = []
     while True:
-        edges = led and _marked(led, rows, marker, rig.exposure, offset)
+        edges = None
+        if led is not None:
+            camera = edges_of(led.time, led.value[:, 0], str(angles), rig.exposure)
+            drive = edges_of(rows.columns["time"], rows.columns[marker], rows.file)
+            edges = clock_from_edges(camera, drive, offset)
         alignment = _aligned(seen, torque, rig.mechanism, edges, offset)
         gap = lost_frames(seen, alignment.step) if alignment.step else None
         if gap is None or len(gaps) == _GAPS:
             break
         gaps.append(gap)
-        seen, led = _opened(seen, *gap), led and _opened(led, *gap)
+        seen, led = _opened(seen, *gap), None if led is None else _opened(led, *gap)
     moved = torque._replace(time=alignment.clock.to_angles(torque.time))
     angle = cut(seen, moved.time[0], moved.time[-1])
     return Aligned(
@@ -220,15 +224,6 @@ def _with_torques(log: Log, settings: RigSettings) -> Log:
         if name not in columns:
             columns[name] = motor.per_measured * columns[motor.measured]
     return log._replace(columns=columns)
-
-
-def _marked(
-    led: Signal, rows: Log, marker: str, exposure: float, offset: float | None
-) -> MarkerClock:
-    """Clocks by the sync LED, as the camera saw it and as the drive logged it."""
-    camera = edges_of(led.time, led.value[:, 0], "the table of angles", exposure)
-    drive = edges_of(rows.columns["time"], rows.columns[marker], rows.file)
-    return clock_from_edges(camera, drive, offset)
 
 
 def _opened(signal: Signal, time: float, gap: float) -> Signal:

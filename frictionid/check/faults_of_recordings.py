@@ -29,14 +29,14 @@ def tests_of(measured: Measured) -> HypothesisTests:
     return replace(rest, findings=(*faults, *rest.findings)) if faults else tests
 
 
-def _faults(alone: Measured) -> list[Finding]:
+def _faults(single: Measured) -> list[Finding]:
     """What is wrong with one recording, if that has a name; signs before delays, as a sine has."""
-    convention = convention_of_recording(alone)
+    convention = convention_of_recording(single)
     if convention is not None:
         return [convention]
-    words = {"recording": alone.dataset.recordings[0].name}
+    words = {"recording": single.dataset.recordings[0].name}
     return [
         finding("fault_of_recording", f.numbers, {**words, "fault": f.text}, f.joint, level=f.level)
-        for f in run_tests(alone).findings
+        for f in run_tests(single).findings
         if f.level != "good" and f.kind not in _MACHINE
     ]
