@@ -4,7 +4,10 @@ from pathlib import Path
 
 import typer
 
+import frictionid as fid
+
 from .options import DatasetPath, PresentOrNone
+from .progress import running
 
 
 def check(
@@ -27,24 +30,19 @@ def check(
     ----------
     out : Folder for pictures.
     """
-    from frictionid.api.check import check as check_data
     from frictionid.check import LEVELS
-    from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.report.diagnostics import show_verdict
+    from frictionid.data.readers.dataset import dataset_files
+    from frictionid.outputs import check_outputs
+    from frictionid.report.diagnostics import picture_paths, show_verdict, write_pictures
 
     if out is not None:
-        from frictionid.outputs import check_outputs
-        from frictionid.report.diagnostics import picture_paths
-
         check_outputs(picture_paths(out), dataset_files(dataset, data), replace=replace)
-    verdict = check_data(load_dataset(dataset, data, trust=trust))
+    verdict = fid.check(fid.load_dataset(dataset, data, trust=trust))
     if json:
         print(verdict.json())
     else:
         show_verdict(verdict.details)
     if out:
-        from frictionid.report.diagnostics import write_pictures
-
         for path in write_pictures(verdict.details, out):
             typer.echo(f"written to {path}", err=True)
     raise typer.Exit(LEVELS.index(verdict.level))
@@ -71,24 +69,21 @@ def quick(
     from functools import partial
     from itertools import chain, count
 
-    from frictionid.api.check import quick as first_verdict
-    from frictionid.data.readers.dataset import dataset_files, load_dataset
+    from frictionid.data.readers.dataset import dataset_files
     from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.quick import plan_for
     from frictionid.quickstart.quick_report import quick_figure, quick_json, show_quick
     from frictionid.report.figures.style import png
 
-    from .progress import running
-
-    loaded = load_dataset(dataset, data, trust=trust)
+    loaded = fid.load_dataset(dataset, data, trust=trust)
     name = f"quick-{file_names([loaded.name])[loaded.name]}"
     ends = chain([""], (f"-{k}" for k in count(2)))
     paths = (Path(f"{name}{end}.png") for end in ends)
     figure = figure or next(path for path in paths if replace or not os.path.lexists(path))
     check_outputs([figure], dataset_files(dataset, data), replace=replace)
     with running(plan_for(loaded).steps, f"first verdict ({loaded.name})") as done:
-        verdict = first_verdict(loaded, done)
+        verdict = fid.quick(loaded, done)
     print(quick_json(verdict)) if json else show_quick(verdict)
     if verdict.chosen is None:
         raise typer.Exit(2)

@@ -3,13 +3,11 @@
 from pathlib import Path
 from typing import Any, Literal
 
-from .options import (
-    DatasetPath,
-    ModelsAndDataset,
-    PresentOrNone,
-    PresentPath,
-    numbers,
-)
+import frictionid as fid
+from frictionid.errors import InputError, needs
+
+from .options import DatasetPath, ModelsAndDataset, PresentOrNone, PresentPath, numbers
+from .progress import counted, show
 
 
 def evaluate(
@@ -36,16 +34,13 @@ def evaluate(
     initial_states : Estimator of the states that rollouts start from: filter, or model.
     """
     from frictionid.api.evaluate import file_labels, scores_of, training_notes
-    from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.errors import InputError
+    from frictionid.data.readers.dataset import dataset_files
     from frictionid.evaluation import Protocol
     from frictionid.files import write_text
     from frictionid.friction.model_files import load_model, model_paths
     from frictionid.outputs import check_outputs
     from frictionid.report import show_scores, show_torque_left
     from frictionid.report.summary_table import score_torque_frames
-
-    from .progress import counted
 
     if len(files) < 2:
         raise InputError("evaluate needs at least one model file and, last, a data set")
@@ -61,7 +56,7 @@ def evaluate(
         whole=whole,
         initial_states=initial_states,
     )
-    dataset = load_dataset(place, data, trust=trust)
+    dataset = fid.load_dataset(place, data, trust=trust)
     with counted(len(models), f"evaluating ({dataset.name})") as done:
         table = scores_of(frictions, dataset, protocol, done, named)
     if out is not None:
@@ -106,20 +101,15 @@ def predict(
     every : Time between two starts [s]; the horizon.
     whole : Whole recordings from their start instead.
     """
-    from frictionid.api.evaluate import predict as predicted
-    from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.errors import needs
+    from frictionid.data.readers.dataset import dataset_files
     from frictionid.files import write_bytes
     from frictionid.friction.model_files import load_model
     from frictionid.outputs import check_outputs
 
-    from .progress import show
-
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     friction = load_model(model, [*map(_own_law, law or ())])
-    table = predicted(
-        friction, load_dataset(dataset, data, trust=trust), horizon, every, whole=whole
-    )
+    loaded = fid.load_dataset(dataset, data, trust=trust)
+    table = fid.predict(friction, loaded, horizon, every, whole=whole)
     if out.suffix == ".parquet":
         with needs("parquet"):
             import pyarrow  # noqa: F401 (pandas writes by it)
@@ -134,10 +124,8 @@ def predict(
 def _own_law(reference: str) -> Any:
     """Class of a law of one's own, `module:Class`."""
     from frictionid.config import imported
-    from frictionid.errors import InputError
-    from frictionid.friction import Law
 
     law = imported(reference, Path(), "--law")
-    if not (isinstance(law, type) and issubclass(law, Law)):
+    if not (isinstance(law, type) and issubclass(law, fid.Law)):
         raise InputError(f"--law: {reference!r} does not subclass frictionid.friction.Law")
     return law

@@ -1,23 +1,14 @@
 """frictionid fit: friction of one data set, written as a model file."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from .options import (
-    DatasetPath,
-    numbers,
-    settings,
-)
+import frictionid as fid
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from frictionid.api.fitted import Fit
-    from frictionid.friction import Friction
+from .options import DatasetPath, numbers, settings
+from .progress import heard
 
 
 def fit(
@@ -66,16 +57,13 @@ def fit(
     bias : Intervals hold the bias of smoothed states, too; takes seconds.
     figure : Picture of friction over velocity to write (PNG).
     """
-    from frictionid.api.fit import fit as fit_data
     from frictionid.api.models import identifier_of
-    from frictionid.data.readers.dataset import dataset_files, load_dataset
+    from frictionid.data.readers.dataset import dataset_files
     from frictionid.files import write_bytes
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
     from frictionid.report.figures.fits import check_drawable, fit_figure
     from frictionid.report.figures.style import png
-
-    from .progress import heard
 
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
     check_outputs([*model_paths(out), figure], read, replace=replace)
@@ -83,9 +71,9 @@ def fit(
     chosen = identifier_of(identifier, law_settings)
     if figure is not None:
         check_drawable(chosen)
-    loaded = load_dataset(dataset, data, trust=trust)
+    loaded = fid.load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
-        fitted = fit_data(
+        fitted = fid.fit(
             *(loaded, chosen),
             method=by,
             recipe=recipe,
@@ -103,19 +91,12 @@ def fit(
     fitted.save(out)
     if figure is not None:
         write_bytes(figure, png(lambda: fit_figure(fitted.friction, loaded)))
-    _show(fitted, law_settings, out, figure, json)
-
-
-def _show(
-    fitted: Fit, chosen: Mapping[str, Any], out: Path, figure: Path | None, json: bool
-) -> None:
-    """Print a fit, and where it was written; or the model file."""
     if json:
         print(out.read_text(encoding="utf-8"), end="")
         return
     fitted.show()
-    if "width" in chosen:
-        _say_if_numerical(fitted.friction)
+    if "width" in law_settings:
+        _say_if_numerical(fitted.friction.law)
     for path in filter(None, (out, figure)):
         print(f"written to {path}")
 
@@ -123,9 +104,8 @@ def _show(
 _WINDOWS = "be lengths in seconds, e.g. --windows 0.1,0.3"
 
 
-def _say_if_numerical(friction: Friction) -> None:
+def _say_if_numerical(law: "fid.Law") -> None:
     """Say where a given width changes nothing."""
-    law = friction.law
     if law.sharpened() is not law:
         print(
             f"width = {law.width:g} rad/s changes nothing: up to 0.02 rad/s it is numerical, and "

@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from frictionid.errors import InputError
+
 from .options import ModelPaths, numbers, setting
+from .progress import is_quiet
 
 if TYPE_CHECKING:
     from frictionid.quickstart.describe_tables import Described, Known, Tables
@@ -43,7 +46,6 @@ def init(
     torque : Columns of torques or currents, with commas, one per joint; guessed where none is
         given.
     """
-    from frictionid.errors import InputError
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
 
@@ -65,8 +67,6 @@ def init(
         from frictionid.quickstart.describe_robot import describe_robot
         from frictionid.quickstart.robot_columns import robot_file
 
-        from .progress import is_quiet
-
         if not is_quiet():
             typer.echo(f"reading {robot} and the tables, which takes seconds ...", err=True)
         described = describe_robot(source, robot_file(robot), sets, facts)
@@ -85,8 +85,6 @@ def _check_free(file: Path, left: bytes | None = None) -> None:
     left : what an interrupted call leaves, which may stay
     """
     import os
-
-    from frictionid.errors import InputError
 
     if os.path.lexists(file) and not (left and file.is_file() and file.read_bytes() == left):
         raise InputError(
@@ -125,7 +123,6 @@ def _mechanism(kind: str, values: dict[str, Any]) -> dict[str, Any]:
     """The [mechanism] table of the options, the rest asked for."""
     from frictionid.comparison.kind_descriptions import described, mechanisms
     from frictionid.config import nearest
-    from frictionid.errors import InputError
 
     kinds = mechanisms()
     if not kind:
@@ -182,8 +179,6 @@ def _is_asked() -> bool:
 
 
 def _asked(what: str, option: str, default: str) -> str:
-    from frictionid.errors import InputError
-
     if not _is_asked():
         raise InputError(f"init needs the {what}: {option} (see frictionid {what}s)")
     return str(typer.prompt(what, default=default, err=True))

@@ -1,6 +1,7 @@
 """Options and arguments that several commands have; wrong paths are refused before imports."""
 
 import inspect
+import math
 import re
 from collections.abc import Callable, Iterable
 from inspect import Parameter
@@ -9,6 +10,8 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 from typer.models import ParameterInfo
+
+from frictionid.errors import InputError
 
 # Of commands that do not say themselves what such an option does.
 COMMON = """
@@ -75,10 +78,6 @@ def numbers(option: str, text: str, rule: str, count: int | None = None) -> list
     >>> numbers("--windows", "0.1,0.3", "be lengths in seconds, e.g. --windows 0.1,0.3")
     [0.1, 0.3]
     """
-    import math
-
-    from frictionid.errors import InputError
-
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
@@ -99,8 +98,6 @@ def settings(texts: Iterable[str]) -> dict[str, Any]:
     >>> settings(["symmetric=false", "bounds.viscous=[0, 1]", "bounds.coulomb=[0, 2]"])
     {'symmetric': False, 'bounds': {'viscous': [0, 1], 'coulomb': [0, 2]}}
     """
-    from frictionid.errors import InputError
-
     out: dict[str, Any] = {}
     for key, value in map(setting, texts):
         *tables, name = key.split(".")
@@ -124,10 +121,7 @@ def setting(text: str) -> tuple[str, Any]:
     >>> setting("symmetric=false"), setting("shape = arctan"), setting("mass=.4")
     (('symmetric', False), ('shape', ' arctan'), ('mass', 0.4))
     """
-    import re
-
     from frictionid.config import parse_toml
-    from frictionid.errors import InputError
 
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
@@ -156,7 +150,6 @@ def _suite(path: Path) -> Path:
 
 def present(path: Path | None) -> Path | None:
     """The path of a file or folder that a command reads; InputError where there is none."""
-    from frictionid.errors import InputError
     from frictionid.files import model_path, regular_file
 
     if path is not None and not regular_file(model_path(path)).exists():
@@ -165,8 +158,6 @@ def present(path: Path | None) -> Path | None:
 
 
 def _results(folder: Path | None) -> Path | None:
-    from frictionid.errors import InputError
-
     if folder is None:
         return None
     if folder.is_dir() and not [*folder.glob("provenance.json"), *folder.glob("unfinished")]:

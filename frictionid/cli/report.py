@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+import frictionid as fid
 from frictionid.errors import InputError
 
 from .options import OtherFolder, ResultFolder
@@ -33,14 +34,12 @@ def report(
             )
         _side_by_side(folder, other, json)
         return
-    from frictionid.api.comparison import load_comparison
     from frictionid.comparison.result_folder import lock
     from frictionid.report import build, results_json, show
 
     check_requirements(require)
-    results = load_comparison(
-        folder
-    ).results  # complains where there is nothing to report, before the lock
+    # complains where there is nothing to report, before the lock
+    results = fid.load_comparison(folder).results
     with lock(folder):
         build(results, replace=replace)
     print(results_json(results)) if json else show(results)
@@ -48,10 +47,9 @@ def report(
 
 
 def _side_by_side(folder: Path, other: Path, json: bool) -> None:
-    from frictionid.api.comparison import load_comparison
     from frictionid.report import show_side_by_side, side_by_side_json
 
-    comparison = load_comparison(folder).against(load_comparison(other))
+    comparison = fid.load_comparison(folder).against(fid.load_comparison(other))
     print(side_by_side_json(comparison)) if json else show_side_by_side(comparison)
 
 

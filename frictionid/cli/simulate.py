@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
+import frictionid as fid
+
 from .options import PresentPath
+from .progress import show
 
 
 def simulate(
@@ -23,15 +26,12 @@ def simulate(
     seed : Seed, in place of the rig's.
     noise_free : Exact angles.
     """
-    from frictionid.api.simulate import simulate as simulated
     from frictionid.files import read_bytes
     from frictionid.simulate import check_dataset_folder, load_rig, write_dataset
 
-    from .progress import show
-
     check_dataset_folder(out, replace=replace)
     settings = load_rig(rig)
-    dataset = simulated(settings, seed, noise_free=noise_free)
+    dataset = fid.simulate(settings, seed, noise_free=noise_free)
     # the rig.toml is kept only with the data that it makes as it stands
     same = seed in (None, settings.seed) and not noise_free
     write_dataset(dataset, out, {"rig.toml": read_bytes(rig)} if same else {}, replace=replace)

@@ -3,7 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+import frictionid as fid
+
 from .options import PresentPath, numbers
+from .progress import counted, show
 
 _TWO = "be two numbers [Hz], e.g. 0.2,4"
 _NUMBERS = "be numbers with commas, e.g. 0.5,1"
@@ -51,25 +54,23 @@ def suggest(
     figure : Picture to write (PNG).
     seed : Seed of the search.
     """
-    from frictionid.api import suggest as api
+    from frictionid.api.suggest import stages
     from frictionid.excitation import load_mechanism
     from frictionid.files import write_bytes, write_text
     from frictionid.outputs import check_outputs
     from frictionid.report.experiment_design import DECIMALS, FINE, csv_of
     from frictionid.report.figures.style import png
 
-    from .progress import counted, show
-
     places = _places(out, max(1, recordings))
     check_outputs([*places, figure], [mechanism], replace=replace)
     asked = load_mechanism(mechanism), limits, friction
-    steps = recordings if trajectory else api.stages(effort, seed)
+    steps = recordings if trajectory else stages(effort, seed)
     with counted(steps, "searching") as done:
         size: Any = {"recordings": recordings, "length": length, "effort": effort, "seed": seed}
         if trajectory:
-            designed: Any = api.suggest_trajectories(*asked, done=done, **size)
+            designed: Any = fid.suggest_trajectories(*asked, done=done, **size)
         else:
-            designed = api.suggest(
+            designed = fid.suggest(
                 *asked,
                 frequencies=numbers("--frequencies", frequencies, _TWO, 2),
                 start=numbers("--start", start, _NUMBERS) if start.strip() else None,

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import typer
 
+import frictionid as fid
 from frictionid.errors import InputError
 
 from .options import SuitePath
+from .progress import counted, interruptible, running
+from .report import check_requirements, exit_unless_met
 
 
 def compare(
@@ -36,11 +39,8 @@ def compare(
     """
     from joblib import cpu_count
 
-    from frictionid.api.suites import open_suite, run_suite
+    from frictionid.api.suites import open_suite
     from frictionid.report import results_json, show
-
-    from .progress import interruptible, running
-    from .report import check_requirements, exit_unless_met
 
     check_requirements(require)
     if dask and jobs:
@@ -48,7 +48,7 @@ def compare(
 
     opened, _, folder, _ = open_suite(suite, data, out)
     with interruptible(f"what is done stays in {folder}: finish it with --resume"):
-        results = run_suite(
+        results = fid.run_suite(
             suite,
             data=data,
             out=out,
@@ -105,8 +105,6 @@ def sensitivity(
     from frictionid.report.sensitivity import sensitivity_table, studies
     from frictionid.report.terminal import show_table
 
-    from .progress import counted, interruptible
-
     with interruptible("finished fits are kept: run the same command again"):
         frame, page = sensitivity_of_suite(
             suite,
@@ -149,14 +147,11 @@ def tune(
     resume : Keep finished trials.
     """
     from frictionid.api.suites import open_suite
-    from frictionid.api.suites import tune as tune_suite
     from frictionid.report.sensitivity import outcome_json
-
-    from .progress import counted, interruptible
 
     opened, _, folder, _ = open_suite(suite, data, out, "-tune")
     with interruptible(f"what is done stays in {folder}: finish it with --resume"):
-        tuned = tune_suite(
+        tuned = fid.tune(
             suite,
             data=data,
             out=out,
