@@ -12,7 +12,7 @@ from frictionid.config import checked, nearest
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
 from frictionid.fitting.method import Method
-from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
+from frictionid.fitting.shooting.recipe import known_calibration
 from frictionid.friction import Law
 
 from .fitted import Fit
@@ -67,7 +67,10 @@ def method_of(
         raise InputError(f"method = {method!r} is unknown; {nearest(method, METHODS)}")
     if method in ONE_STEP:
         method, recipe = "one_step", method
-    calibrated = None if calibration is None else _calibration_of(calibration)
+    calibrated = None
+    if calibration is not None:
+        called = str(calibration) if isinstance(calibration, str | Path) else "the model"
+        calibrated = known_calibration(friction_of(calibration), called)
     shots: dict[str, Any] = {
         "free": free if free is None else _names(free),
         "fixed": _names(fixed) or None,
@@ -95,11 +98,6 @@ def method_of(
 def _names(names: str | Sequence[str]) -> list[str]:
     parts = names.split(",") if isinstance(names, str) else names
     return [str(part).strip() for part in parts]
-
-
-def _calibration_of(calibration: Any) -> KnownCalibration:
-    name = str(calibration) if isinstance(calibration, str | Path) else "the model"
-    return known_calibration(friction_of(calibration), name)
 
 
 def fit(

@@ -19,7 +19,7 @@ from frictionid.fitting.fit import estimates_of
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.model_files import LAWS, save_model
-from frictionid.friction.provenance import Estimate, Estimates
+from frictionid.friction.provenance import Estimates
 from frictionid.report import show_fit
 from frictionid.report.console import printed, printed_html, say
 from frictionid.report.figures.fits import fit_correlation, fit_figure
@@ -102,8 +102,11 @@ class Fit:
         identified, at_bound, nominal. `identified` is whether the data determine it: the interval
         is no wider, to either side, than the value.
         """
-        frame = estimate_frame(self._estimates, self.joints)
-        return frame if self._has_intervals else frame.assign(identified=None)
+        frame = estimate_frame(estimates_of(self.friction, self.joints), self.joints)
+        source = self.friction.provenance
+        intervals = (source.refined, source.pooled, source.half_widths)
+        is_given = all(v is None for v in intervals)
+        return frame.assign(identified=None) if is_given else frame
 
     @cached_property
     def torque_left(self) -> pd.DataFrame:
@@ -285,16 +288,6 @@ class Fit:
         import frictionid as fid  # whose export knows fits
 
         return fid.export(self, to, out, settings=settings, replace=replace)
-
-    @property
-    def _has_intervals(self) -> bool:
-        """Whether intervals are known: not of given numbers."""
-        source = self.friction.provenance
-        return any(v is not None for v in (source.refined, source.pooled, source.half_widths))
-
-    @cached_property
-    def _estimates(self) -> tuple[Estimate, ...]:
-        return estimates_of(self.friction, self.joints)
 
     @property
     def _assumption(self) -> str:

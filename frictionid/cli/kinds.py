@@ -1,23 +1,16 @@
 """frictionid laws, identifiers and mechanisms: the kinds that can be named."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from frictionid.comparison.kind_descriptions import KindDescription
-
-
-def list_kinds(
-    kinds: "Callable[[], list[KindDescription]]", name: str, json: bool, command: str
-) -> None:
-    """Print all kinds in short, or all of one, or either as JSON."""
+def list_kinds(command: str, name: str, json: bool) -> None:
+    """Print all kinds that a command lists in short, or all of one, or either as JSON."""
     import json as texts
 
-    from frictionid.comparison.kind_descriptions import described
+    from frictionid.comparison import kind_descriptions
     from frictionid.files import plain
     from frictionid.report.console import show_kind, show_kinds
 
-    chosen = [described(kinds(), name)] if name else kinds()
+    kinds = getattr(kind_descriptions, command)()
+    chosen = [kind_descriptions.described(kinds, name)] if name else kinds
     if json:
         print(texts.dumps(plain(chosen), indent=1))
     elif name:
@@ -33,9 +26,7 @@ def laws(name: str = "", *, json: bool = False) -> None:
     ----------
     name : Show all of this one.
     """
-    from frictionid.comparison import kind_descriptions
-
-    list_kinds(kind_descriptions.laws, name, json, "laws")
+    list_kinds("laws", name, json)
 
 
 def identifiers(name: str = "", *, json: bool = False) -> None:
@@ -45,9 +36,7 @@ def identifiers(name: str = "", *, json: bool = False) -> None:
     ----------
     name : Show all of this one.
     """
-    from frictionid.comparison import kind_descriptions
-
-    list_kinds(kind_descriptions.identifiers, name, json, "identifiers")
+    list_kinds("identifiers", name, json)
 
 
 def mechanisms(name: str = "", *, json: bool = False) -> None:
@@ -57,6 +46,4 @@ def mechanisms(name: str = "", *, json: bool = False) -> None:
     ----------
     name : Show all of this one.
     """
-    from frictionid.comparison import kind_descriptions
-
-    list_kinds(kind_descriptions.mechanisms, name, json, "mechanisms")
+    list_kinds("mechanisms", name, json)

@@ -1,7 +1,6 @@
 """frictionid report: make page, tables and figures of a result folder anew, or compare two."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -32,7 +31,10 @@ def report(
             raise InputError(
                 "two folders are compared and nothing is written: without --replace and --require"
             )
-        _side_by_side(folder, other, json)
+        from frictionid.report import show_side_by_side, side_by_side_json
+
+        comparison = fid.load_comparison(folder).against(fid.load_comparison(other))
+        print(side_by_side_json(comparison)) if json else show_side_by_side(comparison)
         return
     from frictionid.comparison.result_folder import lock
     from frictionid.report import build, results_json, show
@@ -44,13 +46,6 @@ def report(
         build(results, replace=replace)
     print(results_json(results)) if json else show(results)
     exit_unless_met(results, require)
-
-
-def _side_by_side(folder: Path, other: Path, json: bool) -> None:
-    from frictionid.report import show_side_by_side, side_by_side_json
-
-    comparison = fid.load_comparison(folder).against(fid.load_comparison(other))
-    print(side_by_side_json(comparison)) if json else show_side_by_side(comparison)
 
 
 def check_requirements(requirements: Sequence[str] | None) -> None:

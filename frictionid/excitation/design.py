@@ -85,7 +85,9 @@ def search_signals(
     values = [value]
     done(f"{len(pool.x)} signals keep the limits")
     for _ in range(search.generations):
-        x = _children(pool.x[_parents(pool.information, scale, chosen)], search.children, random)
+        near = (_in_place(pool.information, scale, [*chosen], r) for r in range(recordings))
+        parents = np.concatenate([chosen, *(np.argsort(-values)[:_NEAR] for values in near)])
+        x = _children(pool.x[parents], search.children, random)
         children = simulated(experiment, x, search.seed)
         pool = pool if children is None else pool.joined(children)
         chosen, value = exchange(pool.information, scale, recordings, chosen)
@@ -119,12 +121,6 @@ def _first(experiment: Experiment, search: Search, random: np.random.Generator) 
         f"{limits.velocity.tolist()} and angle {limits.angle.tolist()}: shorten the recordings, "
         "raise the frequencies, widen the limits, or give start angles at which the machine rests"
     )
-
-
-def _parents(pool: Information, scale: Array, chosen: Array) -> Array:
-    """Indices of the chosen recordings and of the best in place of each."""
-    near = [np.argsort(-_in_place(pool, scale, [*chosen], r))[:_NEAR] for r in range(len(chosen))]
-    return np.concatenate([chosen, *near])
 
 
 def _children(parents: Array, count: int, random: np.random.Generator) -> Array:

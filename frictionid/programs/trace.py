@@ -218,13 +218,9 @@ def _logaddexp(record: Callable[..., Operand], a: Operand, b: Operand) -> Operan
     return record("add", record("maximum", a, b), record("log1p", record("exp", apart)))
 
 
-def _not_equal(record: Callable[..., Operand], a: Operand, b: Operand) -> Operand:
-    return record("not", record("equal", a, b))
-
-
 _COMPOSED: dict[str, Callable[..., Operand]] = {
     "logaddexp": _logaddexp,
-    "not_equal": _not_equal,
+    "not_equal": lambda record, a, b: record("not", record("equal", a, b)),
     "square": lambda record, a: record("multiply", a, a),
     "reciprocal": lambda record, a: record("divide", 1.0, a),
     "positive": lambda _, a: a,

@@ -153,10 +153,10 @@ def _unknown(table: Table, quantity: str, fault: str) -> InputError:
 
 
 def _time(table: Table, named: Sequence[str] | None) -> Guess:
-    increasing = [n for n, c in table.columns.items() if _runs(c) and (np.diff(c) > 0).all()]
-    called = [name for name in increasing if quantity_of(name) == "time"]
-    again = [n for n, c in table.columns.items() if quantity_of(n) == "time" and _runs(c)]
+    rising = [name for name, column in table.columns.items() if _runs(column)]
+    increasing = [name for name in rising if (np.diff(table.columns[name]) > 0).all()]
     clocks = [name for name in table.columns if quantity_of(name) == "time"]
+    called, again = ([n for n in clocks if n in names] for names in (increasing, rising))
     candidates = list(named or called or again)
     for name in candidates[:1] or clocks[:1]:
         _check_order(table, name)
@@ -164,13 +164,13 @@ def _time(table: Table, named: Sequence[str] | None) -> Guess:
     if not candidates:
         raise _unknown(table, "time", "no column increases from row to row, as time does")
     name = candidates[0]
-    if not _runs(table.columns[name]):
+    runs = _runs(table.columns[name])
+    if not runs:
         raise InputError(f"--time: {name!r} does not increase from row to row, as time does")
     steps = np.diff(table.columns[name])
     step = float(np.median(steps[steps > 0]))
     unit = unit_of(name, "time") or _time_unit(step)
     rate = 1.0 / (step * UNITS["time"][unit])
-    runs = _runs(table.columns[name])
     where = "every row" if runs == 1 else "every row of each run"
     return Guess((name,), unit, f"increases in {where}, at {rate:.4g} Hz")
 
@@ -364,10 +364,6 @@ def _torque_unit(table: Table, names: Sequence[str], quantity: str, kind: str) -
 
 def _varies(table: Table, name: str) -> bool:
     """Whether a sensor's samples change too often for a torque that is held."""
-    return is_sensed(name) and _repeated(table.columns[name]) <= _HELD
-
-
-def _repeated(column: Array) -> float:
-    """Share of the rows in which a column that varies repeats the value before."""
-    steps = np.diff(column)
-    return float((steps == 0).mean()) if len(steps) and np.ptp(column) > 0 else 0.0
+    column = table.columns[name]
+    repeats = np.ptp(column) > 0 and (np.diff(column) == 0).mean() > _HELD
+    return is_sensed(name) and not repeats

@@ -30,7 +30,6 @@ from .describe_tables import (
     actuator_of,
     described_draft,
     loaded,
-    missing_lines,
 )
 from .draft_text import Draft
 from .robot_columns import RobotColumns, RobotFile, robot_columns
@@ -113,7 +112,7 @@ def describe_robot(
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
     name = tables.folder.resolve().name
     draft = Draft(
-        *(name, tables.files, table, guesses, machine, motor, missing_lines(missing)),
+        *(name, tables.files, table, guesses, machine, motor),
         *(comments, actuator, columns.velocity, columns.imu),
     )
     factor = {*missing} & {_KT, _GEAR}  # of the torques, where angles are the joints'
@@ -130,8 +129,9 @@ def describe_robot(
             head = _CONSTANTS if _KT in factor else _GEARS
             said = head + _taken(gains)
             missing = tuple(said if text in factor else text for text in missing)
-            motor = _with_gains(draft.motor, gains, "gear" if filled.gear is None else "kt")
-            draft = replace(draft, motor=motor, evidence=missing_lines(missing))
+            key = "gear" if filled.gear is None else "kt"
+            values = [float(f"{gain.value * motor[key]:.3g}") for gain in gains.values() if gain]
+            draft = replace(draft, motor={**motor, key: values})
     blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
     described = described_draft(draft, tables, missing, blind=blind)
     rest = _resting(described, columns.joints)
@@ -178,14 +178,6 @@ def _comments(
 def _taken(gains: "Mapping[str, Gain | None]") -> str:
     each = (f"{j} {gain.value:.3g} +- {gain.error:.1g}" for j, gain in gains.items() if gain)
     return f"taken as the masses of the file ask for, {', '.join(each)}"
-
-
-def _with_gains(
-    motor: Mapping[str, Any], gains: "Mapping[str, Gain | None]", key: str
-) -> dict[str, Any]:
-    """The [motor] table with these gains in place of the constant of a key."""
-    values = [float(f"{gain.value * motor[key]:.3g}") for gain in gains.values() if gain]
-    return {**motor, key: values}
 
 
 def _stand_in(machine: Mechanism, joints: Sequence[Joint]) -> dict[str, float]:

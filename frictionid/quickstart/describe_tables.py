@@ -218,8 +218,8 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
             f"{names} holds currents [{guesses.torque.unit}]: give the motor's torque constant "
             "with --kt [N m/A] and its gear ratio with --gear, or name a torque with --torque"
         )
-    current = guesses.is_current and facts.kt is not None
-    motor = {"kt": facts.kt, "gear": 1.0 if facts.gear is None else facts.gear} if current else {}
+    gear = 1.0 if facts.gear is None else facts.gear
+    motor = {"kt": facts.kt, "gear": gear} if guesses.is_current else {}
     name, machine = tables.folder.resolve().name, mechanism_of(mechanism)
     targets = targets_in(tables.first, facts, machine.n)
     guesses = replace(guesses, unused=tuple(n for n in guesses.unused if n not in targets))
@@ -227,16 +227,10 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
     if targets and (facts.kt, facts.gear) != (None, None):
         missing += (OUTPUT,)
     draft = Draft(
-        *(name, tables.files, mechanism, guesses, machine, motor, missing_lines(missing)),
-        comments=comments,
-        actuator=actuator_of(targets, facts),
+        *(name, tables.files, mechanism, guesses, machine, motor),
+        *(comments, actuator_of(targets, facts)),
     )
     return described_draft(draft, tables, missing, blind=GAINS in missing)
-
-
-def missing_lines(missing: Sequence[str]) -> tuple[str, ...]:
-    """What is missing, as comments."""
-    return tuple(f"MISSING: {text}" for text in missing)
 
 
 def described_draft(
@@ -250,6 +244,7 @@ def described_draft(
 
     missing : what is not known; blind : whether that is so much that no sign can be corrected
     """
+    draft = replace(draft, evidence=tuple(f"MISSING: {text}" for text in missing))
     dataset = loaded(draft, tables.folder)
     for _ in dataset.mechanism.joints:
         verdict = check(dataset)

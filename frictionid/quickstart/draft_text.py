@@ -25,9 +25,9 @@ class Draft:
 
     files : tables of the recordings; mechanism : the [mechanism] table
     motor : [motor], where columns are of motors, or hold currents; actuator : [actuator]
-    evidence : what speaks for signs and units, from the physics
     machine : the mechanism; comments : comments of keys of [mechanism], and below it as ""
     velocity : columns of velocities; base : [base], where an IMU says how it moves
+    evidence : what is missing, and what speaks for signs and units, from the physics
     """
 
     name: str
@@ -35,12 +35,12 @@ class Draft:
     mechanism: Mapping[str, Any]
     guesses: ColumnGuesses
     machine: Mechanism
-    motor: Mapping[str, Any] = field(default_factory=dict)
-    evidence: tuple[str, ...] = ()
-    comments: Mapping[str, str] = field(default_factory=dict)
-    actuator: Mapping[str, Any] = field(default_factory=dict)
+    motor: Mapping[str, Any]
+    comments: Mapping[str, str]
+    actuator: Mapping[str, Any]
     velocity: tuple[str, ...] = ()
     base: Mapping[str, Any] = field(default_factory=dict)
+    evidence: tuple[str, ...] = ()
 
 
 def dataset_text(draft: Draft) -> str:

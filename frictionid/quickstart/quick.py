@@ -10,7 +10,7 @@ noise. With fewer than three of them the law of the smallest error counts.
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -44,7 +44,6 @@ from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.torque_left import torque_frame
 from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.shooting.settings import is_driven
-from frictionid.friction.provenance import Estimates
 from frictionid.report.candidates import Measure
 
 from .quick_report import Candidate, Quick
@@ -76,18 +75,19 @@ class Plan(NamedTuple):
 
 
 _BY_DIRECTION = {"kind": "stribeck", "name": "stribeck_asymmetric", "symmetric": False}
+_PEAKED = {"kind": "load_dependent", "name": "load_dependent_stribeck", "stribeck": True}
 
 
-def _laws(*kinds: str) -> tuple[IdentifierEntry, ...]:
-    return tuple(IdentifierEntry(kind=kind) for kind in kinds)
+def _laws(*laws: str | dict[str, Any]) -> tuple[IdentifierEntry, ...]:
+    tables = (law if isinstance(law, dict) else {"kind": law} for law in laws)
+    return tuple(map(IdentifierEntry.model_validate, tables))
 
 
 BY_ANGLES = Plan(
     RecipeEntry(name="shooting", by="shooting"),
-    (
-        *_laws("none", "coulomb_viscous", "load_dependent", "motor_load", "stribeck"),
-        IdentifierEntry.model_validate(_BY_DIRECTION),
-        *_laws("spline"),
+    _laws(
+        *("none", "coulomb_viscous", "load_dependent", "motor_load", "stribeck"),
+        *(_BY_DIRECTION, "spline"),
     ),
     horizons=(0.5, 0.25, 0.1),
     folds=10,
@@ -99,14 +99,10 @@ _COARSE = {
     "node_time": 0.01,
     "tolerance": 0.05,
 }
-_PEAKED = {"kind": "load_dependent", "name": "load_dependent_stribeck", "stribeck": True}
 # `motor_load` explains any torque beside free inertias; without its controller an arm drifts off
 BY_TORQUES = Plan(
     RecipeEntry.model_validate(_COARSE),
-    (
-        *_laws("none", "coulomb_viscous", "load_dependent"),
-        IdentifierEntry.model_validate(_PEAKED),
-    ),
+    _laws("none", "coulomb_viscous", "load_dependent", _PEAKED),
     horizons=(0.05,),
     folds=5,
     samples=120_000,
@@ -177,11 +173,6 @@ def quick(dataset: Dataset, done: Callable[[str], None] = lambda _: None) -> Qui
         velocity=result.grid,
         not_fitted=not_fitted,
     )
-
-
-def _estimates(result: Result, dataset: Dataset) -> Estimates | None:
-    """What the fit to all data estimated."""
-    return None if result.refined is None else result.refined.estimates(dataset, result.grid)
 
 
 def shortened(dataset: Dataset, samples: int) -> tuple[Dataset, float | None]:
@@ -268,7 +259,9 @@ def candidates_of(
     errors = [_starts(result, horizon, moving) for result in results.values()]
     counts = [_complexity(result) for result in results.values()]
     names = [nested_names(result.overall.law.names) for result in results.values()]
-    refined = [_estimates(result, dataset) for result in results.values()]
+    refined = [
+        r.refined.estimates(dataset, r.grid) if r.refined else None for r in results.values()
+    ]
     shown = [shown_names(e) for e in refined]
     last = unsupported(errors, names, shown)
     choice = choose(errors, nested_complexity(counts, names), last, frictionless)

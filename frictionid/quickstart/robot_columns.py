@@ -270,7 +270,8 @@ def _side(
     gear: Sequence[float] | Array | None,
 ) -> tuple[str, str, str]:
     """Side and unit of the angles, by their names and by how far the file lets the joints turn."""
-    travel = np.array([float(np.ptp(_finite(table.columns[name]))) for name in columns])
+    angles = [table.columns[name] for name in columns]
+    travel = np.array([np.ptp(angle[np.isfinite(angle)]) for angle in angles])
     room = np.array([j.limits.upper - j.limits.lower for j in joints])
     turns = np.isfinite(room)
     room = np.where(turns, room, _DEGREES)
@@ -286,7 +287,3 @@ def _side(
     if (np.radians(travel) <= _BEYOND * room).all():
         return "joint", "deg", f"{span} rad: degrees"
     return "motor", "rad", f"{span} rad: angles of the motors, before a gear"
-
-
-def _finite(column: Array) -> Array:
-    return column[np.isfinite(column)]

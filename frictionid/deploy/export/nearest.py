@@ -337,7 +337,11 @@ def cost_of(model: ExportedFriction, held: Friction, *, has_backlash: bool = Tru
     torques = [along(friction, data.integral.nodes) for friction in (model.friction, held)]
     rms = np.sqrt(((torques[0] - torques[1]) ** 2).mean(axis=0))
     initial = reaching(data.initial_states)
-    theirs = initial if has_backlash else _without_backlash(initial)
+    theirs = initial
+    if not has_backlash:  # encoders at the joints
+        servos = {id(s): replace(s, backlash=0.0) for s in initial.servos}
+        tight = tuple(servos[id(s)] for s in initial.servos)
+        theirs = initial._replace(servos=tight, play=None)
     replay = replayed(model, initial, predictions(model, held, theirs))
     return replay._replace(torque=tuple(map(float, rms)))
 
@@ -348,12 +352,6 @@ def reaching(initial: InitialStates) -> InitialStates:
     if len(rows) > _MOST:
         rows = rows[np.linspace(0, len(rows) - 1, _MOST).astype(int)]
     return initial.take(rows)
-
-
-def _without_backlash(initial: InitialStates) -> InitialStates:
-    """The initial states with encoders at the joints."""
-    tight = {id(s): replace(s, backlash=0.0) for s in initial.servos}
-    return initial._replace(servos=tuple(tight[id(s)] for s in initial.servos), play=None)
 
 
 def at_horizon(q: Array, initial: InitialStates) -> Array:

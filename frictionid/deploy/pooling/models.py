@@ -79,7 +79,11 @@ def _alike(groups: Mapping[Key, Sequence[Row]], key: Key, equal: Groups) -> Sequ
     rows = [row for (*n, j), each in groups.items() for row in each if n == name and j is not None]
     rows = [row for row in rows if (row.estimate.joint or 0) + 1 in group]
     rows.sort(key=lambda row: order.get(row.model, len(order)))
-    return [row._replace(model=f"{row.model} ({joint_name(row.estimate)})") for row in rows]
+    joints = [row.estimate.name.partition(" of ")[2] for row in rows]
+    return [
+        row._replace(model=f"{row.model} ({joint})")
+        for row, joint in zip(rows, joints, strict=True)
+    ]
 
 
 def place_of(
@@ -172,11 +176,6 @@ def _reason(model: Friction, e: Estimate) -> str:
         return "lies at its bound"
     is_known = e.identified and np.isfinite(e.value) and 0.0 < e.error < np.inf
     return "" if is_known else "is not identified"
-
-
-def joint_name(e: Estimate) -> str:
-    """Name of an estimate's joint, "" of the machine as a whole."""
-    return "" if e.joint is None else e.name.partition(" of ")[2]
 
 
 def _sentences(rows: Sequence[Row], count: int, stays: str) -> list[str]:
