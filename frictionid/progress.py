@@ -4,10 +4,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+Done = Callable[[str], None]  # called with the name of each step that is finished
 Listener = Callable[[str, int], None]
 
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
-_COMPILING: ContextVar[Callable[[str], None] | None] = ContextVar("compiling", default=None)
+_COMPILING: ContextVar[Done | None] = ContextVar("compiling", default=None)
+
+
+def say_nothing(_: object) -> None:
+    """What is called with each step where nobody asks."""
 
 
 def report_compiling(what: str) -> None:
@@ -18,7 +23,7 @@ def report_compiling(what: str) -> None:
 
 
 @contextmanager
-def compiling(heard: Callable[[str], None]) -> Iterator[None]:
+def compiling(heard: Done) -> Iterator[None]:
     """A context in which it is heard what is compiled.
 
     >>> names = []

@@ -1,6 +1,5 @@
 """frictionid.check: what data can and cannot tell, before any fit."""
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
@@ -10,6 +9,7 @@ import pandas as pd
 import frictionid.check.verdict as checks
 from frictionid.config import nearest
 from frictionid.errors import InputError
+from frictionid.progress import Done, say_nothing
 from frictionid.quickstart import quick as first
 from frictionid.quickstart.quick import plan_for
 from frictionid.quickstart.quick_report import Quick
@@ -133,7 +133,7 @@ def check(data: DatasetLike) -> Verdict:
     return Verdict(checks.check(dataset_of(data)))
 
 
-def quick(data: DatasetLike, done: Callable[[str], None] = lambda _: None) -> Quick:
+def quick(data: DatasetLike, done: Done = say_nothing) -> Quick:
     """Check a data set, compare a few friction laws on held-out motion, and say which one holds.
 
     They are fitted as `frictionid.fit` fits them: by shooting, or to the torques of an arm.

@@ -1,6 +1,6 @@
 """frictionid.compare: friction models on identical folds, in memory."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace as with_changes
 from pathlib import Path
 from typing import Any, Literal
@@ -29,6 +29,7 @@ from frictionid.fitting.method import Method
 from frictionid.friction import Law
 from frictionid.friction.model_files import LAWS
 from frictionid.outputs import check_writable
+from frictionid.progress import Done, say_nothing
 
 from .comparison import Comparison
 from .fit import method_of
@@ -60,7 +61,7 @@ def compare(
     dask: str | None = None,
     folder: str | Path | None = None,
     replace: bool = False,
-    done: Callable[[str], None] = lambda _: None,
+    done: Done = say_nothing,
 ) -> Comparison:
     """Compare friction models on identical folds.
 

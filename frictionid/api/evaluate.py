@@ -1,7 +1,7 @@
 """frictionid.evaluate and frictionid.predict: models on recordings, as frames."""
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,6 +22,7 @@ from frictionid.evaluation.predicted_motion import predicted_motion
 from frictionid.evaluation.score_frame import with_scores
 from frictionid.friction import Friction
 from frictionid.friction.provenance import tables_of
+from frictionid.progress import Done, say_nothing
 
 from .models import (
     DatasetLike,
@@ -119,7 +120,7 @@ def scores_of(
     models: Mapping[str, Friction],
     dataset: Dataset,
     protocol: Protocol,
-    done: Callable[[str], None] = lambda _: None,
+    done: Done = say_nothing,
     files: Mapping[str, Path] | None = None,
 ) -> pd.DataFrame:
     """Scores of models by their names, as in `evaluate`; `done` is called after each.

@@ -1,12 +1,12 @@
 """Progress below a notebook's cell."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
 from typing import Any
 
-from frictionid.progress import listening
+from frictionid.progress import Done, listening, say_nothing
 
 
 def _in_notebook() -> bool:
@@ -16,9 +16,7 @@ def _in_notebook() -> bool:
 
 
 @contextmanager
-def counted(
-    total: int | None, title: str, heard: Callable[[str], None] = lambda _: None
-) -> Iterator[Callable[[str], None]]:
+def counted(total: int | None, title: str, heard: Done = say_nothing) -> Iterator[Done]:
     """A bar of `total` steps below the cell; call what it gives with what each step was.
 
     Without a total it counts the steps that the work inside reports. It is gone in the end. Outside

@@ -20,6 +20,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.method import Method, check_method
 from frictionid.outputs import check_unchanged
+from frictionid.progress import Done, say_nothing
 from frictionid.report.console import printed, printed_html
 from frictionid.report.figures.studies import over_amounts, summarised, tornado
 from frictionid.report.figures.style import drawn
@@ -82,7 +83,7 @@ def sensitivity(
     settings: Mapping[str, Any] | None = None,
     seed: int = 0,
     jobs: int = 0,
-    done: Callable[[str], None] = lambda _: None,
+    done: Done = say_nothing,
 ) -> Sensitivity:
     """Fit friction with one thing wrong at a time, and say what that changes.
 

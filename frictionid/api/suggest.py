@@ -14,6 +14,7 @@ from frictionid.excitation import Design, TrajectoryDesign
 from frictionid.excitation.experiment import Limits, Named
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant, as_mechanism
+from frictionid.progress import Done, say_nothing
 from frictionid.report.experiment_design import (
     command_frame,
     described,
@@ -77,7 +78,7 @@ def suggest(
     robust: bool = False,
     effort: int = 600,
     seed: int = 0,
-    done: Callable[[str], None] = lambda _: None,
+    done: Done = say_nothing,
 ) -> Suggestion:
     """Suggest torque signals, and say how well friction will be known from them.
 
@@ -171,7 +172,7 @@ def suggest_trajectories(
     torque_noise: float = 0.01,
     effort: int = 600,
     seed: int = 0,
-    done: Callable[[str], None] = lambda _: None,
+    done: Done = say_nothing,
 ) -> SuggestedTrajectories:
     """Suggest periodic trajectories, and say which joint's friction stays unsure.
 

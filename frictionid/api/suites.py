@@ -24,6 +24,7 @@ from frictionid.comparison.tuning_task import tuning_tasks
 from frictionid.errors import InputError
 from frictionid.files import suite_path
 from frictionid.outputs import check_unchanged, check_writable
+from frictionid.progress import Done, say_nothing
 from frictionid.report import build
 from frictionid.report.console import printed, printed_html
 from frictionid.report.figures.studies import progress as progress_picture
@@ -44,7 +45,7 @@ def run_in_folder(
     dask: str | None = None,
     resume: bool = False,
     replace: bool = False,
-    done: Callable[[Task], None] = lambda _: None,
+    done: Callable[[Task], None] = say_nothing,
 ) -> Results:
     """Results of the tasks; an earlier result of the folder stays until they are whole.
 
@@ -68,12 +69,12 @@ def run_in_folder(
 
 
 # A context of what is called with each finished step.
-Count = AbstractContextManager[Callable[[str], None]]
+Count = AbstractContextManager[Done]
 
 
 def unheard(_: Any) -> Count:
     """A context that says nothing of the steps."""
-    return nullcontext(lambda _: None)
+    return nullcontext(say_nothing)
 
 
 def open_suite(

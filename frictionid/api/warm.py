@@ -8,6 +8,7 @@ import numpy as np
 
 from frictionid.data.recordings import Dataset
 from frictionid.mechanics import pendulum, urdf
+from frictionid.progress import Done
 
 from .check import check
 from .fit import fit
@@ -53,7 +54,7 @@ def _arm() -> None:
 STEPS: tuple[tuple[str, Callable[[], None]], ...] = (("a joint", _joint), ("an arm", _arm))
 
 
-def warm_up(done: Callable[[str], None]) -> None:
+def warm_up(done: Done) -> None:
     """Do each of the `STEPS`, and say with `done` which one is finished."""
     for name, work in STEPS:
         work()

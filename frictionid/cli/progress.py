@@ -2,14 +2,14 @@
 
 import io
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from frictionid.progress import compiling
+from frictionid.progress import Done, compiling
 
 QUIET = ("--quiet", "-q")
 COMPILING = "compiling, once on this machine"
@@ -61,7 +61,7 @@ def interruptible(advice: str) -> Iterator[None]:
 
 
 @contextmanager
-def counted(total: int, title: str, first: str = "") -> Iterator[Callable[[str], None]]:
+def counted(total: int, title: str, first: str = "") -> Iterator[Done]:
     """A bar of `total` steps; call what it gives after each step, with what stands behind the bar.
 
     first : what stands there before
@@ -135,7 +135,7 @@ def said_once() -> Iterator[None]:
 
 
 @contextmanager
-def running(names: Sequence[str], title: str, jobs: int = 1) -> Iterator[Callable[[str], None]]:
+def running(names: Sequence[str], title: str, jobs: int = 1) -> Iterator[Done]:
     """A bar that shows what runs; call what it gives with the name of each finished step.
 
     names : of all steps, in the order in which they begin, `jobs` at a time

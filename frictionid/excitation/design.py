@@ -9,7 +9,7 @@ found by exchange [Fedorov1972]. New signals come from the best and nearly best 
 changes and by differences between two of them [Storn1997].
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
@@ -19,6 +19,7 @@ from pydantic import Field
 from frictionid.arrays import Array
 from frictionid.config import Count, validated
 from frictionid.errors import InputError
+from frictionid.progress import Done, say_nothing
 
 from .experiment import Experiment
 from .information import Concatenated, Information, covariances, equations, expected_information
@@ -60,9 +61,7 @@ class Pool(NamedTuple):
         return Pool(np.concatenate([self.x, other.x]), both)
 
 
-def search_signals(
-    experiment: Experiment, search: Search, done: Callable[[str], None]
-) -> tuple[Array, Array]:
+def search_signals(experiment: Experiment, search: Search, done: Done) -> tuple[Array, Array]:
     """Signals x (R, size) of the experiment's recordings, and the criterion after each stage.
 
     `done` is called with a line of text after each of the `generations + 1` stages.
@@ -280,9 +279,7 @@ class Design:
     values: Array
 
 
-def design_signals(
-    experiment: Experiment, search: Search, done: Callable[[str], None] = lambda _: None
-) -> Design:
+def design_signals(experiment: Experiment, search: Search, done: Done = say_nothing) -> Design:
     """Best signals of a search, with their expected motion and standard errors.
 
     `done` is called with a line of text after each stage of the search.

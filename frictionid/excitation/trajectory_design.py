@@ -7,7 +7,6 @@ offsets; with the noise of the torques that gives their expected standard errors
 the worst known friction parameter to be known as well as possible, relative to its prior value.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -19,6 +18,7 @@ from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.mechanics import Plant
+from frictionid.progress import Done, say_nothing
 from frictionid.simulate.torques import Fourier
 
 from .experiment import Limits
@@ -108,7 +108,7 @@ def design_trajectories(
     task: TrajectoryTask,
     effort: int = 600,
     seed: int = 0,
-    done: Callable[[str], None] = lambda _: None,
+    done: Done = say_nothing,
 ) -> TrajectoryDesign:
     """Best trajectories of a random search, one after the other, each beside those before it.
 

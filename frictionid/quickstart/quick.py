@@ -7,7 +7,7 @@ left takes the place of predictions. Only folds count that hold out motion: in o
 noise. With fewer than three of them the law of the smallest error counts.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -44,6 +44,7 @@ from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.torque_left import torque_frame
 from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.shooting.settings import is_driven
+from frictionid.progress import Done, say_nothing
 from frictionid.report.candidates import Measure
 
 from .quick_report import Candidate, Quick
@@ -131,7 +132,7 @@ _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SHORTEST, _LONG = 3.0, 5.0  # [s] of a recording: of longer ones several in part tell more
 
 
-def quick(dataset: Dataset, done: Callable[[str], None] = lambda _: None) -> Quick:
+def quick(dataset: Dataset, done: Done = say_nothing) -> Quick:
     """A first verdict on a data set: are the data good, and which friction do they show.
 
     `done` is called with the name of each step that is finished, see `Plan`.
@@ -208,7 +209,7 @@ def _compared(
     dataset: Dataset,
     plan: Plan,
     sample_time: float | None,
-    done: Callable[[str], None],
+    done: Done,
 ) -> tuple[float, dict[str, Result], tuple[str, ...]]:
     """The longest horizon that the folds hold out, NaN of torques, and the results of all laws.
 

@@ -11,19 +11,27 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from frictionid.programs.program import Line, Operand, Program, Value
+from frictionid.programs.program import OPERATIONS, Line, Operand, Program, Value
 
 from .exported import ExportedFriction, ExportSettings
 
 TRUTHS = ("less", "less_equal", "equal", "and", "or", "not")  # operations that give true or false
-# operations of values of other libraries, by Python's operators
-OPERATORS: Mapping[str, Callable[..., Any]] = {
+_OPERATORS: Mapping[str, Callable[..., Any]] = {
     **{"add": operator.add, "subtract": operator.sub, "multiply": operator.mul},
     **{"divide": operator.truediv, "power": operator.pow, "negative": operator.neg},
     **{"less": operator.lt, "less_equal": operator.le},
 }
 _LONGEST = 30  # operations of an expression
 WIDTH = 100
+
+
+def operations(library: Any, names: Mapping[str, str]) -> dict[str, Callable[..., Any]]:
+    """All operations on values of a library: Python's operators, and functions of the library.
+
+    names : of functions that are called otherwise than the operation
+    """
+    functions = {x: getattr(library, names.get(x, x)) for x in OPERATIONS if x not in _OPERATORS}
+    return {**_OPERATORS, **functions}
 
 
 @dataclass(frozen=True, slots=True)

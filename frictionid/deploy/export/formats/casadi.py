@@ -1,28 +1,24 @@
 """Friction as functions of CasADi, with their derivatives: for optimal control [Andersson2019]."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.errors import needs
 
 from ..exported import ExportedFriction, ExportSettings, Written
-from ..expressions import OPERATORS, functions
+from ..expressions import functions, operations
 
 with needs("export"):
     import casadi
 
-_SAME = ("sign", "sqrt", "exp", "log", "log1p", "tanh", "sin", "cos")
-OPERATIONS: Mapping[str, Any] = {
-    **OPERATORS,
-    **{name: getattr(casadi, name) for name in _SAME},
-    **{"absolute": casadi.fabs, "arctan": casadi.atan, "equal": casadi.eq},
-    **{"maximum": casadi.fmax, "minimum": casadi.fmin, "select": casadi.if_else},
-    **{"and": casadi.logic_and, "or": casadi.logic_or, "not": casadi.logic_not},
+_NAMES = {
+    **{"absolute": "fabs", "arctan": "atan", "equal": "eq", "maximum": "fmax", "minimum": "fmin"},
+    **{"select": "if_else", "and": "logic_and", "or": "logic_or", "not": "logic_not"},
 }
+_OPERATIONS = operations(casadi, _NAMES)
 
 
 class Functions(NamedTuple):
@@ -66,7 +62,7 @@ def casadi_functions(model: ExportedFriction, name: str = "friction") -> Functio
             for x, symbol in symbols.items()
             for j, i in np.ndindex(*symbol.shape)
         }
-        columns = program.run(entries, OPERATIONS).values()
+        columns = program.run(entries, _OPERATIONS).values()
         value = casadi.horzcat(*(casadi.vertcat(*column) for column in columns))
         result = "Tf" if part == "torque" else "memory_after"
         function = casadi.Function(

@@ -8,18 +8,15 @@ from frictionid.errors import InputError, needs
 from frictionid.friction import Inputs
 
 from ..exported import INPUTS, ExportedFriction, ExportSettings, Written
-from ..expressions import OPERATORS
+from ..expressions import operations
 
 with needs("networks"):
     import torch
 
 
-_SAME = ("sign", "sqrt", "exp", "log", "log1p", "tanh", "arctan", "sin", "cos")
+_NAMES = {"equal": "eq", "and": "logical_and", "or": "logical_or", "not": "logical_not"}
 _OPERATIONS: Mapping[str, Any] = {
-    **OPERATORS,
-    **{name: getattr(torch, name) for name in _SAME},
-    **{"absolute": torch.abs, "equal": torch.eq},
-    **{"and": torch.logical_and, "or": torch.logical_or, "not": torch.logical_not},
+    **operations(torch, _NAMES),  # constants of which three take tensors alone
     "maximum": lambda a, b: torch.maximum(_tensor(a), _tensor(b)),
     "minimum": lambda a, b: torch.minimum(_tensor(a), _tensor(b)),
     "select": lambda test, a, b: torch.where(test, _tensor(a), _tensor(b)),
