@@ -166,7 +166,9 @@ def _methods(
         recipes = usual_recipe(dataset, [model.identifier for model in named])
         if sample_time is None:
             sample_time = usual_sample_time(dataset, recipes)
-    methods = [method_of(recipe) for recipe in _listed(recipes)]
+    if isinstance(recipes, str) or not isinstance(recipes, Sequence):
+        recipes = [recipes]
+    methods = [method_of(recipe) for recipe in recipes]
     distinct([method.name for method in methods], "recipes")
     return methods, sample_time
 
@@ -187,12 +189,6 @@ def _own_laws(tasks: Sequence[Task]) -> tuple[type[Law], ...]:
     """Classes of the laws of the tasks that are not built in."""
     laws = {type(getattr(task.identifier, "law", None)) for task in tasks}
     return tuple(law for law in laws if issubclass(law, Law) and law not in LAWS.values())
-
-
-def _listed(recipes: str | Method | Sequence[str | Method]) -> Sequence[str | Method]:
-    if isinstance(recipes, str) or not isinstance(recipes, Sequence):
-        return [recipes]
-    return recipes
 
 
 def _named(models: Mapping[str, Any] | Sequence[Any]) -> list[tuple[str, Any]]:

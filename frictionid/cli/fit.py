@@ -1,5 +1,6 @@
 """frictionid fit: friction of one data set, written as a model file."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -92,22 +93,21 @@ def fit(
     if figure is not None:
         write_bytes(figure, png(lambda: fit_figure(fitted.friction, loaded)))
     if json:
-        print(out.read_text(encoding="utf-8"), end="")
-        return
-    fitted.show()
-    if "width" in law_settings:
-        _say_if_numerical(fitted.friction.law)
-    for path in filter(None, (out, figure)):
-        print(f"written to {path}")
+        return print(out.read_text(encoding="utf-8"), end="")
+    _show(fitted, law_settings, filter(None, (out, figure)))
 
 
 _WINDOWS = "be lengths in seconds, e.g. --windows 0.1,0.3"
 
 
-def _say_if_numerical(law: "fid.Law") -> None:
-    """Say where a given width changes nothing."""
-    if law.sharpened() is not law:
+def _show(fitted: "fid.Fit", chosen: Iterable[str], written: Iterable[Path]) -> None:
+    """Print a fit, where a given width changes nothing, and where it was written."""
+    fitted.show()
+    law = fitted.friction.law
+    if "width" in chosen and law.sharpened() is not law:
         print(
             f"width = {law.width:g} rad/s changes nothing: up to 0.02 rad/s it is numerical, and "
             "fits and predictions treat friction at rest as a step; a wider one is a part of it"
         )
+    for path in written:
+        print(f"written to {path}")

@@ -126,9 +126,12 @@ def _mechanism(kind: str, values: dict[str, Any]) -> dict[str, Any]:
 
     kinds = mechanisms()
     if not kind:
-        kind = _asked(
-            "mechanism", f"--mechanism {' or '.join(k.name for k in kinds)}", kinds[-1].name
-        )
+        if not _is_asked():
+            raise InputError(
+                f"init needs the mechanism: --mechanism {' or '.join(k.name for k in kinds)} "
+                "(see frictionid mechanisms)"
+            )
+        kind = str(typer.prompt("mechanism", default=kinds[-1].name, err=True))
     machine = described(kinds, kind)
     options = {option.name for option in machine.settings}
     table = {"kind": kind, **{k: v for k, v in values.items() if k in options}}
@@ -176,12 +179,6 @@ def _is_asked() -> bool:
     import sys
 
     return sys.stdin.isatty() and sys.stderr.isatty()
-
-
-def _asked(what: str, option: str, default: str) -> str:
-    if not _is_asked():
-        raise InputError(f"init needs the {what}: {option} (see frictionid {what}s)")
-    return str(typer.prompt(what, default=default, err=True))
 
 
 def _number(what: str) -> float:

@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from frictionid.progress import Done, compiling
+from frictionid.progress import Done, compiling, listening
 
 QUIET = ("--quiet", "-q")
 COMPILING = "compiling, once on this machine"
@@ -73,8 +73,6 @@ def counted(total: int, title: str, first: str = "") -> Iterator[Done]:
 @contextmanager
 def heard(title: str) -> Iterator[None]:
     """A bar of the steps that the work inside reports, see `frictionid.progress`."""
-    from frictionid.progress import listening
-
     with _bar(None, title, "") as (bar, task):
 
         def step(what: str, left: int) -> None:

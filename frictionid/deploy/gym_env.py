@@ -117,11 +117,10 @@ class FrictionVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
         super().reset(seed=None, options=options)
-        seeds: list[int | None] = [None] * self.num_envs
-        if isinstance(seed, list):
-            seeds = seed
-        elif seed is not None:
-            seeds = [seed + i for i in range(self.num_envs)]
+        each = range(self.num_envs)
+        seeds = (
+            seed if isinstance(seed, list) else [None if seed is None else seed + i for i in each]
+        )
         if seed is not None or not hasattr(self, "_random"):
             self._random = [gymnasium.utils.seeding.np_random(x)[0] for x in seeds]
         self._state = self.simulator.reset(np.zeros((self.num_envs, self.simulator.n)))

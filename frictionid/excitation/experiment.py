@@ -235,13 +235,12 @@ class Experiment:
 
         All motors in phase, at their limit.
         """
-        x = np.full((count, self.size), 0.5)
-        for i in range(len(self.motors)):
-            signal = x[:, i * _PER_MOTOR : (i + 1) * _PER_MOTOR]
-            signal[:, 0] = 0.75  # a chirp
-            signal[:, 2 : 2 + _SINES] = np.linspace(0.0, 1.0, count)[:, None]
-            signal[:, 2 + _SINES] = 0.0
-        return x
+        signal = np.full((count, _PER_MOTOR), 0.5)
+        signal[:, 0] = 0.75  # a chirp
+        signal[:, 2 : 2 + _SINES] = np.linspace(0.0, 1.0, count)[:, None]
+        signal[:, 2 + _SINES] = 0.0
+        angles = np.full((count, self.plant.n), 0.5)
+        return np.hstack([signal] * len(self.motors) + [angles])
 
     def torque_of(self, x: Array) -> Array:
         """Commands (K + 1, N, n) [N m] of signals x (N, size); the last one is zero."""

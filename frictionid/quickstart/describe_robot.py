@@ -130,8 +130,8 @@ def describe_robot(
             said = head + _taken(gains)
             missing = tuple(said if text in factor else text for text in missing)
             key = "gear" if filled.gear is None else "kt"
-            values = [float(f"{gain.value * motor[key]:.3g}") for gain in gains.values() if gain]
-            draft = replace(draft, motor={**motor, key: values})
+            texts = (f"{gain.value * motor[key]:.3g}" for gain in gains.values() if gain)
+            draft = replace(draft, motor={**motor, key: [*map(float, texts)]})
     blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
     described = described_draft(draft, tables, missing, blind=blind)
     rest = _resting(described, columns.joints)

@@ -128,10 +128,11 @@ def robot_columns(
     check_named(table, named)
     imu = imu_columns(table) if base else {}
     left = [name for name in table.columns if name not in names_of(imu)]
-    by = {
-        kind: _trusted(movable, named.get(kind) or [n for n in left if _is(n, kind)])
-        for kind in ("angle", "torque", "current", "velocity", "target")
-    }
+    by = {}
+    for kind in ("angle", "torque", "current", "velocity", "target"):
+        called = named.get(kind) or [n for n in left if _is(n, kind)]
+        # those of a sensor where they name as many as all do
+        by[kind] = max((_assigned(movable, names) for names in by_trust(called)), key=len)
     if not by["angle"]:
         by["angle"] = _named_alike(movable, left)
     if not by["angle"]:
@@ -203,11 +204,6 @@ def tokens(name: str) -> frozenset[str]:
     """
     numbers = {str(int(number)) for number in re.findall(r"\d+", name)}
     return frozenset(({*words(name)} - _PLAIN) | numbers)
-
-
-def _trusted(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
-    """Columns by the names of the joints, those of a sensor where they name as many as all do."""
-    return max((_assigned(joints, c) for c in by_trust(columns)), key=len)
 
 
 def _assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
