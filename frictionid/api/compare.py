@@ -13,9 +13,7 @@ from frictionid.comparison.cross_validate import (
     Result,
     prepare_benchmark,
 )
-from frictionid.comparison.results import (
-    results_in_memory,
-)
+from frictionid.comparison.results import results_in_memory
 from frictionid.comparison.suite import NamedIdentifier
 from frictionid.comparison.suite_tasks import tasks_on
 from frictionid.comparison.tasks import Outcome, Task, results_of
@@ -33,14 +31,7 @@ from frictionid.progress import Done, say_nothing
 
 from .comparison import Comparison
 from .fit import method_of
-from .models import (
-    DatasetLike,
-    count,
-    dataset_of,
-    identifier_of,
-    name_of,
-    numbers,
-)
+from .models import DatasetLike, count, dataset_of, identifier_of, name_of, numbers
 from .notebook import counted
 from .suites import run_in_folder
 

@@ -10,15 +10,8 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.cross_validate import (
-    Result,
-)
-from frictionid.comparison.results import (
-    Results,
-    load_results,
-    model_document_of,
-    task_provenance,
-)
+from frictionid.comparison.cross_validate import Result
+from frictionid.comparison.results import Results, load_results, model_document_of, task_provenance
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError

@@ -24,13 +24,7 @@ from frictionid.friction import Friction
 from frictionid.friction.provenance import tables_of
 from frictionid.progress import Done, say_nothing
 
-from .models import (
-    DatasetLike,
-    dataset_of,
-    friction_of,
-    number,
-    numbers,
-)
+from .models import DatasetLike, dataset_of, friction_of, number, numbers
 
 HORIZONS = (0.1, 0.25, 0.5, 1.0)
 

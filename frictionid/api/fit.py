@@ -16,15 +16,7 @@ from frictionid.fitting.shooting.recipe import known_calibration
 from frictionid.friction import Law
 
 from .fitted import Fit
-from .models import (
-    DatasetLike,
-    LawLike,
-    count,
-    dataset_of,
-    friction_of,
-    identifier_of,
-    numbers,
-)
+from .models import DatasetLike, LawLike, count, dataset_of, friction_of, identifier_of, numbers
 from .notebook import counted
 
 METHODS = ("one_step", "shooting", "inverse_dynamics", *ONE_STEP)

@@ -6,13 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 import frictionid as fid
-from frictionid.cli.options import (
-    DatasetPath,
-    ModelPaths,
-    PresentOrNone,
-    PresentPath,
-    present,
-)
+from frictionid.cli.options import DatasetPath, ModelPaths, PresentOrNone, PresentPath, present
 from frictionid.cli.progress import heard, show
 from frictionid.errors import InputError
 

@@ -83,8 +83,7 @@ class Simulator:
     @cached_property
     def plant(self) -> Plant:
         """The machine with its parameters."""
-        friction = self.friction
-        mechanism = self.mechanism
+        friction, mechanism = self.friction, self.mechanism
         if friction.mechanism == "unit":
             mechanism = unit_inertia(mechanism.position_units)
         values = {**friction.parameters, **self.parameters}
@@ -92,10 +91,10 @@ class Simulator:
         values = {**mechanism.nominal(numbers), **values}
         plant = Plant.from_parameters(mechanism, values)
         calibration = friction.calibration
+        p = plant.p
         if calibration is not None and calibration.base is not None:
-            nominal = mechanism.nominal_base
-            plant = replace(plant, p=plant.p + (calibration.base - nominal))
-        return replace(plant, p=self._array(plant.p))
+            p = p + (calibration.base - mechanism.nominal_base)
+        return replace(plant, p=self._array(p))
 
     @property
     def n(self) -> int:

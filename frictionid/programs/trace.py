@@ -175,7 +175,7 @@ def _boxed(array: Any) -> Array:
 
 def as_traced(recorder: Recorder, array: Any) -> Any:
     """An array as a traced one."""
-    out = (_boxed(array) if not isinstance(array, Traced) else array).view(Traced)
+    out = _boxed(array).view(Traced)
     out.recorder = recorder
     return out
 
@@ -276,10 +276,8 @@ def chained(first: Program, then: Program) -> Program:
     >>> chained(half, traced(lambda x: {"Tf": x["w"] ** 2.0}, {"w": 1})).run({"w_1": 6.0})
     {'w': [3.0], 'Tf': [9.0]}
     """
-    inputs = tuple(dict.fromkeys((*first.inputs, *then.inputs)))
-    inputs = tuple(
-        x for x in inputs if x in first.inputs or x.rpartition("_")[0] not in first.outputs
-    )
+    others = (x for x in then.inputs if x.rpartition("_")[0] not in first.outputs)
+    inputs = tuple(dict.fromkeys((*first.inputs, *others)))
     recorder = Recorder(inputs)
     values: dict[str, Operand] = {name: Value(k) for k, name in enumerate(inputs)}
     middle = recorder.run(first, values)

@@ -34,12 +34,7 @@ from frictionid.evaluation.complexity import (
 )
 from frictionid.evaluation.folds import usual_kind
 from frictionid.evaluation.prepared import usual_interval
-from frictionid.evaluation.reference_model import (
-    StartErrors,
-    choose,
-    preferring,
-    unsupported,
-)
+from frictionid.evaluation.reference_model import StartErrors, choose, preferring, unsupported
 from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.torque_left import torque_frame
 from frictionid.fitting.identifiers import Frictionless

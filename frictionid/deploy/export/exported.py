@@ -176,11 +176,10 @@ class ExportedFriction:
         lines = [
             *head,
             "SI units: " + ", ".join(f"{name} [{x}, {x}/s, {force}]" for name, x, force in units),
-            "The measured speeds are not known: friction is the law's at all speeds.",
+            f"Measured up to |w| = {listed(self.speeds)}; beyond, friction is a straight line."
+            if self.speeds
+            else "The measured speeds are not known: friction is the law's at all speeds.",
         ]
-        if self.speeds:
-            reach = listed(self.speeds)
-            lines[-1] = f"Measured up to |w| = {reach}; beyond, friction is a straight line."
         if source.dataset:
             lines.append(f"Fitted to {source.dataset}, seed {source.seed}.")
         hashes = source.data

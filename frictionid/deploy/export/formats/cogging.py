@@ -37,8 +37,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         [*(f"# {line}" for line in about), frame.to_csv(index=False, float_format="%.9g")]
     )
     end = "f" if settings.precision == "float" else ""
-    names = {"end": end, "about": about, "comment": comment}
-    context = {**names, "torque": torque, "period": period}
+    context = {"end": end, "about": about, "comment": comment, "torque": torque, "period": period}
     header = rendered("cogging.h.j2", model, settings, context)
     lost = ("a table over the angle holds the cogging alone: friction is left to another file",)
     note = "interpolate between the angles; behind the last one the table begins anew"
