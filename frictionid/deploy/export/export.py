@@ -126,7 +126,7 @@ def export(
     written = write(prepared, chosen)
     if chosen.randomise:
         samples = randomised(prepared, chosen.randomise, chosen.seed, _module(to, "held"))
-        written = with_fields(written, files={**written.files, "_samples.json": samples})
+        written = written._replace(files={**written.files, "_samples.json": samples})
     # the first file goes where the user says, the others beside it
     endings = list(written.files)[1:]
     paths = (Path(out), *(Path(out).with_name(chosen.stem + ending) for ending in endings))

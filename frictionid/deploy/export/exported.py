@@ -1,7 +1,7 @@
 """A friction as it is exported: its numbers, the speeds where they hold, and its programs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -360,8 +360,7 @@ class ExportSettings:
             )
 
 
-@dataclass(frozen=True)
-class Written:
+class Written(NamedTuple):
     """Files of an export.
 
     files : contents by the ending of their names, the first is the one that the user names
@@ -372,5 +371,5 @@ class Written:
 
     files: Mapping[str, bytes]
     lost: tuple[str, ...] = ()
-    held: Friction | None = field(default=None, compare=False)
+    held: Friction | None = None
     notes: tuple[str, ...] = ()

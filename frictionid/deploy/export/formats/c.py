@@ -13,8 +13,8 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """Source and header, with functions of arrays that have an entry for each joint."""
     real, functions = settings.precision, ex.functions(model)
     heads = {f.name: _head(f, len(model.joints), settings) for f in functions}
-    context = {"language": _language(real), "functions": functions, "heads": heads}
-    context["comment"] = comment
+    language = _language(real)
+    context = {"language": language, "functions": functions, "heads": heads, "comment": comment}
     templates = {".c": "source.c.j2", ".h": "header.h.j2"}
     files = {end: ex.rendered(name, model, settings, context) for end, name in templates.items()}
     note = f"compile with any C99 compiler and -lm; {'; '.join(heads.values())}"

@@ -19,8 +19,10 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     real = "LREAL" if settings.precision == "double" else "REAL"
     functions = ex.functions(model)
     code = {f.name: f.blocks(f"{f.name}_v") for f in functions}
-    context = {"real": real, "language": _language(settings.name, real), "code": code}
-    context |= {"comment": _comment, "functions": functions}
+    context = {
+        **{"real": real, "language": _language(settings.name, real), "code": code},
+        **{"comment": _comment, "functions": functions},
+    }
     text = ex.rendered("block.st.j2", model, settings, context)
     arguments = [*model.programs.inputs, *(["dt", "reset"] if model.programs.memory else [])]
     call = ", ".join(f"{x} := {x}" for x in arguments)
