@@ -13,7 +13,7 @@ WIDTH = 0.1  # [s] of the windows in which a joint turns back
 NEAR, FEWEST = 0.03, 6  # of the range of angles: what counts as its end; windows there
 SPEED = 0.2  # of the fast speed: what is slower rests against a stop
 # What the balance lacks there, in multiples of what it usually lacks: median, and lower quartile
-# (at most 3.2 and 3.0 in the recordings of thirteen real machines).
+# (at most 3.0 and 2.8 in recordings of six real machines without stops).
 CLEAR, MOSTLY = 8.0, 2.0
 
 

@@ -113,7 +113,8 @@ class Friction:
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
             raise InputError(f"a friction needs a law, such as Stribeck(), not {self.law!r:.60}")
-        if not hasattr(self.theta, "ndim"):
+        listed = not hasattr(self.theta, "ndim")
+        if listed or (isinstance(self.theta, np.ndarray) and self.theta.dtype.kind != "f"):
             object.__setattr__(self, "theta", numbers_like(self.theta, np.zeros(0), "theta"))
         if not isinstance(self.provenance, Provenance):
             source = read_provenance(self.provenance, np.shape(self.theta))

@@ -81,6 +81,15 @@ def test_memory_follows_the_reference():
     np.testing.assert_allclose(u[240], friction.curve(np.array([1.0]))[0], rtol=1e-3)
 
 
+def test_parameters_that_are_whole_numbers_round_no_velocities():
+    w = [[0.25], [-0.75]]
+    whole, same = (
+        Friction(CoulombViscous(), np.array([[2, 1]], dtype=kind)) for kind in (int, float)
+    )
+    given = (feed_forward(f, Compensation(gain=1.0), 0.01, w) for f in (whole, same))
+    np.testing.assert_array_equal(next(given), next(given))
+
+
 @pytest.mark.parametrize("law", [LuGre(), Dahl(), FilmLag(), Play()], ids=str)
 def test_along_a_recording_exported_code_is_the_feed_forward(law):
     """Memory advances by one rule, with reversals and rests, and beyond the speeds of the data."""
