@@ -18,7 +18,7 @@ from script import call
 
 from frictionid.data.recordings import Dataset
 from frictionid.simulate import simulate
-from frictionid.simulate.torques import Command
+from frictionid.simulate.torques import AnyCommand
 
 CASE = case_of("coulomb_viscous", "joint")
 RECORDINGS, BAD = 8, 5
@@ -29,7 +29,7 @@ PUSH, AT = 0.15, (1.2, 1.5)  # [N m], [s]
 class Pushed:
     """A command with the torque of a hand beside it for a while."""
 
-    command: Command
+    command: AnyCommand
     kind: str = "pushed"
 
     def values(self, time: np.ndarray, generator: np.random.Generator) -> np.ndarray:

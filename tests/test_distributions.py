@@ -87,7 +87,8 @@ def test_the_default_comparison_runs_from_a_wheel_in_any_folder(tmp_path):
 
 def test_tests_are_collected_from_the_source_distribution(tmp_path):
     with tarfile.open(_built("sdist", tmp_path / "dist")) as sdist:
-        sdist.extractall(tmp_path, filter="data")
+        safely = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}  # from 3.11.4 on
+        sdist.extractall(tmp_path, **safely)
     (root,) = tmp_path.glob("frictionid-*")
     if shutil.which("git") is None or not (ROOT / ".git").exists():
         pytest.skip("not a git checkout")

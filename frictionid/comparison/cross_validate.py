@@ -1,29 +1,25 @@
 """The comparison: every identifier by every recipe on identical folds.
 
 What `run` does for one identifier and one recipe is a task: its folds are fitted together, the
-friction of all data with them, and each is scored on what it was not fitted to. All tasks of a data
-set share what is prepared of it, as a training set and to be scored.
+friction of all data with them, and each is scored on what it was not fitted to.
 """
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.data.recordings import Dataset
-from frictionid.errors import InputError
 from frictionid.evaluation import (
     CalibratedView,
     Folds,
     HorizonErrors,
     Prepared,
     Protocol,
-    calibrated_views,
     initial_state_folds,
     nominal_torque_scores,
     prepare,
@@ -32,10 +28,8 @@ from frictionid.evaluation import (
     score_model,
     score_value,
     torque_example,
-    training_of,
     trajectory_folds,
     with_speeds,
-    without_physics,
 )
 from frictionid.evaluation.complexity import effective_parameters
 from frictionid.evaluation.curves import Beyond, beyond_motion
@@ -44,167 +38,11 @@ from frictionid.evaluation.score_frame import Score, with_scores
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method, check_method
-from frictionid.fitting.one_step.formulation import Recipe
-from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.parameters.parameter_block import Parameter
-from frictionid.fitting.shooting import CalibratedRecipe, Intervals, intervals_of
-from frictionid.fitting.shooting.recipe import PARTS, part_of_calibration
 from frictionid.friction import Constraints, Friction
-from frictionid.mechanics import Mechanism
 
-from .processes import side_by_side
-
-
-@dataclass(frozen=True, eq=False)
-class TrainingSet:
-    """One data set as recipes fit it; mappings are by the names of the recipes.
-
-    problems : one-step problems
-    weights : (F + 1, K), positive for the rows that train each of the F folds and, last, for all
-    measured : intervals of the measured angles, and their weights (F + 1, L)
-    calibrations : (F + 1,), of all folds and of all data
-    determined : how many of their parameters all data determine
-    views : the data corrected by each of these calibrations
-    """
-
-    prepared: Prepared
-    problems: Mapping[str, Problem]
-    weights: Mapping[str, Array]
-    measured: tuple[Intervals, Array] | None = None
-    calibrations: Mapping[str, Calibration] = field(default_factory=dict)
-    determined: Mapping[str, int] = field(default_factory=dict)
-    views: Mapping[str, tuple[CalibratedView, ...]] = field(default_factory=dict)
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """The mechanism whose friction is fitted."""
-        return self.prepared.plant.mechanism
-
-    @property
-    def intervals(self) -> Intervals:
-        """Intervals of the measured angles, for recipes that need them."""
-        assert self.measured is not None
-        return self.measured[0]
-
-    @property
-    def interval_weights(self) -> Array:
-        """Weights of these intervals, of those that train each fold and, last, of all."""
-        assert self.measured is not None
-        return self.measured[1]
-
-    def without_mechanism(self, recipe: Recipe) -> Problem:
-        """The problem of a recipe for joints of unit inertia; no stiction mask."""
-        return training_of(without_physics(self.prepared), replace(recipe, velocity_threshold=0.0))
-
-    def corrected(self, recipe: CalibratedRecipe) -> Iterator[tuple[Array, Problem]]:
-        """Folds that share a calibration, and the problem on the data that it corrects."""
-        for view in self.views[recipe.name]:
-            yield view.folds, training_of(view.data, recipe.step)
-
-
-def training_set(
-    prepared: Prepared, recipes: Sequence[Method], folds: Folds | None = None, jobs: int = 1
-) -> TrainingSet:
-    """What the recipes fit of a data set, in each fold, if any, and as a whole.
-
-    jobs : number of folds that are calibrated side by side
-
-    Raises
-    ------
-    InputError
-        Where a fold leaves nothing to train on, or recordings are too short.
-    """
-    steps = {step.name: step for recipe in recipes for step in recipe.steps}
-    problems = {name: training_of(prepared, step) for name, step in steps.items()}
-    weights = {name: _weights(prepared, folds, problem) for name, problem in problems.items()}
-    data = TrainingSet(prepared, problems, weights)
-    if any(recipe.needs_intervals for recipe in recipes):
-        intervals = intervals_of(prepared.dataset, states=prepared.smoothed)
-        data = replace(data, measured=(intervals, _training(folds, intervals)))
-    return _calibrated(data, recipes, folds, jobs)
-
-
-def _calibrated(
-    data: TrainingSet, recipes: Sequence[Method], folds: Folds | None, jobs: int
-) -> TrainingSet:
-    """The training set with the calibrations of the recipes; equal ones are estimated once."""
-    estimated: dict[str, tuple[Calibration, tuple[str, ...]]] = {}
-    calibrations, determined = {}, {}
-    for recipe in {r.name: r for r in (recipe.calibrated for recipe in recipes) if r}.values():
-        key = repr(recipe.calibrator)
-        if key not in estimated:
-            estimated[key] = _of_folds(data, recipe.calibrator, folds, jobs)
-        calibration, blocks = estimated[key]
-        calibrations[recipe.name] = part_of_calibration(calibration, recipe.corrects)
-        determined[recipe.name] = sum(
-            block not in PARTS or block in recipe.corrects for block in blocks
-        )
-    views = {
-        name: calibrated_views(data.prepared, calibration, len(data.interval_weights))
-        for name, calibration in calibrations.items()
-    }
-    return replace(data, calibrations=calibrations, determined=determined, views=views)
-
-
-def _of_folds(
-    data: TrainingSet, recipe: CalibratedRecipe, folds: Folds | None, jobs: int
-) -> tuple[Calibration, tuple[str, ...]]:
-    """Calibrations (F + 1,), and the blocks of the parameters that all data determine.
-
-    All folds have that of all data where they leave no windows to shoot at.
-    """
-    count = len(data.interval_weights)
-    whole = folds is not None and not folds.contiguous
-    rows = [-1] if whole else range(-1, count - 1)
-    calls = [(data, fold) for fold in rows]
-    by_call = dict(side_by_side(recipe.calibrate, calls, jobs))
-    each = [by_call[i] for i in range(len(calls))]
-    last, blocks = each[0]
-    others = [last] * (count - 1) if whole else [calibration for calibration, _ in each[1:]]
-    return stack_calibrations([*others, last]), blocks
-
-
-def _training(folds: Folds | None, rows: Problem | Intervals) -> Array:
-    """Weights (F + 1, K) of rows: of those that train each fold and, last, of all."""
-    all_rows = np.ones((1, len(rows.dt)))
-    if folds is None:
-        return all_rows
-    return np.concatenate([folds.training(rows.recording, rows.time, rows.dt), all_rows])
-
-
-def _weights(prepared: Prepared, folds: Folds | None, problem: Problem) -> Array:
-    weights = _training(folds, problem)
-    if not weights.any(axis=1).all():
-        raise InputError(
-            f"data set {prepared.dataset.name!r}: fold {np.argmin(weights.any(axis=1))} leaves "
-            "nothing to train on: choose a smaller folds.gap, fewer folds or a shorter history"
-        )
-    return weights
-
-
-def with_notes(fit: Fit, *, intervals: bool = True) -> Friction:
-    """Friction (F + 1, n, P) of a fit's folds and of all data, with what the fit says of all data.
-
-    Sparse laws have an `equation` for each joint. Behind each coefficient stands its 95 % interval
-    where the recipe shoots, and else its standard error in a one-step fit; `equation_errors` says
-    which. One-step fits have `half_widths` (n, P) of 95 % intervals of the noise alone, NaN where
-    there is none, and what they hold in words; networks have none, shooting has its own.
-    """
-    last, notes = fit.friction, dict[str, Any]()
-    assert fit.folds is not None
-    if last.law.is_sparse:
-        shot = fit.diagnostics is not None
-        bars = fit.half_widths() if shot else fit.errors()
-        notes["equation"] = tuple(last.law.equation(last.theta, bars, last.position_units))
-        notes["equation_errors"] = (
-            "95 % intervals"
-            if shot
-            else ("standard errors of the noise alone, bias of the smoothing not included")
-        )
-    if intervals and fit.diagnostics is None and fit.covariance.parameters:
-        notes["half_widths"] = fit.half_widths()
-        notes["half_widths_hold"] = "noise alone, not the bias of smoothed states"
-    return fit.folds.noted(notes)
+from .fit_model import with_notes
+from .training_set import TrainingSet, training_set
 
 
 def complexity_score(fit: Fit) -> Score | None:
@@ -266,7 +104,13 @@ class Result(NamedTuple):
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
     ) -> float:
-        """One held-out score, pooled over the folds; InputError where there is none."""
+        """One held-out score, pooled over the folds.
+
+        Raises
+        ------
+        InputError
+            Where there is no such score.
+        """
         return score_value(self.scores, score, statistic, horizon, joint)
 
 
@@ -322,7 +166,14 @@ def run(
 ) -> Result:
     """Fit an identifier in every fold and on all data, and score it on what was held out.
 
-    shared : of the benchmark, where it has been prepared before
+    Parameters
+    ----------
+    benchmark : Benchmark
+    identifier : Identifier
+    recipe : Method
+    seed : int
+    shared : PreparedBenchmark, optional
+        Of the benchmark, where it has been prepared before.
 
     Raises
     ------

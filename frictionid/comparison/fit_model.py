@@ -19,13 +19,13 @@ from frictionid.evaluation import (
     EstimatedStates,
     Prepared,
     Protocol,
-    free_run,
-    make_trajectory,
     screened,
     torque_left,
     velocity_grid,
     with_speeds,
 )
+from frictionid.evaluation.free_run import free_run, make_trajectory
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.method import Method, check_method
@@ -33,8 +33,35 @@ from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction
 
-from .cross_validate import TrainingSet, training_set, with_notes
-from .equal_joints import check_units, differences, equal_groups, sentences, with_equal
+from .equal_joints import (
+    check_units,
+    differences,
+    equal_groups,
+    sentences,
+    with_equal,
+)
+from .training_set import TrainingSet, training_set
+
+
+def with_notes(fit: Fit, *, intervals: bool = True) -> Friction:
+    """Friction (F + 1, n, P) of a fit's folds and of all data, with what the fit says of all data.
+
+    Sparse laws have an `equation` for each joint. Behind each coefficient stands its 95 % interval
+    where the recipe shoots, and else its standard error in a one-step fit; `equation_errors` says
+    which. One-step fits have `half_widths` (n, P) of 95 % intervals of the noise alone, NaN where
+    there is none, and what they hold in words; networks have none, shooting has its own.
+    """
+    last, notes = fit.friction, dict[str, Any]()
+    assert fit.folds is not None
+    if last.law.is_sparse:
+        shot = fit.diagnostics is not None
+        bars = fit.half_widths() if shot else fit.errors()
+        notes["equation"] = tuple(last.law.equation(last.theta, bars, last.position_units))
+        notes["equation_errors"] = "95 % intervals" if shot else OF_NOISE
+    if intervals and fit.diagnostics is None and fit.covariance.parameters:
+        notes["half_widths"] = fit.half_widths()
+        notes["half_widths_hold"] = "noise alone, not the bias of smoothed states"
+    return fit.folds.noted(notes)
 
 
 @dataclass(frozen=True)
@@ -52,6 +79,7 @@ class _NotFixed(Identifier):
 
 
 _NODES = 0.004  # [s], shortest time between samples of the balance that says what torque is left
+OF_NOISE = "standard errors of the noise alone, bias of the smoothing not included"
 AS_LOGGED = (
     "targets are taken to act when they are logged: a delay of theirs, which a fit by shooting "
     "finds, passes for viscous friction here"

@@ -83,9 +83,8 @@ class Friction:
     other physics than this friction's, a negative acceleration. `provenance` says where it is from.
     `position_units` has "m" for prismatic joints, whose friction is a force, see `units_of`; none:
     all "rad". `calibration` has base parameters and sensor corrections, in the batch axes of theta.
-    `load_unit` is that of the loads that load-dependent laws follow: "N" of forces in bearings,
-    "N m" of torques of gears, see `Mechanism.load`.
-    `constraints` are the bounds and priors under which theta was fitted, with its shape.
+    `load_unit` is that of the loads of load-dependent laws: "N" of forces in bearings, "N m" of
+    torques of gears, see `Mechanism.load`. `constraints`: bounds and priors of the fit of theta.
 
     Examples
     --------
@@ -113,8 +112,8 @@ class Friction:
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
             raise InputError(f"a friction needs a law, such as Stribeck(), not {self.law!r:.60}")
-        listed = not hasattr(self.theta, "ndim")
-        if listed or (isinstance(self.theta, np.ndarray) and self.theta.dtype.kind != "f"):
+        kind = getattr(self.theta, "dtype", np.dtype(int))  # of lists, too
+        if isinstance(kind, np.dtype) and kind.kind != "f":
             object.__setattr__(self, "theta", numbers_like(self.theta, np.zeros(0), "theta"))
         if not isinstance(self.provenance, Provenance):
             source = read_provenance(self.provenance, np.shape(self.theta))
@@ -126,7 +125,7 @@ class Friction:
                 f"{', '.join(self.law.names)}; got {tuple(self.theta.shape)}"
             )
         if self.mechanism not in ("", "unit"):
-            raise ValueError(f'mechanism = {self.mechanism!r} must be "unit", or be left out')
+            raise ValueError(f"mechanism = {self.mechanism!r} must be 'unit', or be left out")
         if len(self.position_units) not in (0, self.n):
             raise ValueError(f"position_units = {self.position_units!r}: give {self.n} units")
 
