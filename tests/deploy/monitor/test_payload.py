@@ -86,7 +86,7 @@ def test_a_payload_comes_out_as_it_went_in(plain, share):
 
 
 def test_friction_beside_a_payload_comes_out_as_it_went_in(plain):
-    """A gain that cannot be told from the payload widens intervals."""
+    """A gain that cannot be separated from the payload widens intervals."""
     found = carrying(plain, 0.1, viscous=0.008)
     assert found.answer == "changed" and "viscous +" in found.judgement.causes[-1]
     parts = found.frame.set_index("part")
