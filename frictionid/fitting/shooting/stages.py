@@ -183,7 +183,7 @@ def _with_peaks(stage: Stage) -> Stage:
         return stage
     values = solution.values
     low, high = problem.limits.low[idle], problem.limits.high[idle]
-    tried = np.array([values[idle], *(np.clip(v, low, high) for v in _VELOCITIES)])
+    tried = np.array([values[idle], *np.unique(np.clip(_VELOCITIES[:, None], low, high), axis=0)])
     falls = np.stack([_falls(stage, _with(stage, idle, v), idle) for v in tried])
     best = falls.argmax(axis=0)
     most = np.argsort(-falls.max(axis=0))
