@@ -1,6 +1,8 @@
 """Friction, servos and delays as MJCF's own elements hold them: no code runs beside the file.
 
-Joints hold Coulomb friction (`frictionloss`), viscous friction and drag (`damping`, a polynomial).
+Joints hold Coulomb friction (`frictionloss`), viscous friction and drag (`damping`, a polynomial),
+and the back-EMF of servos, as MJX leaves out the damping of actuators. What friction differs by
+direction is a constant torque of the motor.
 A `dcmotor` without a motor holds the bristles of LuGre and Dahl, by the same exact solution as
 ours, or one harmonic of cogging; with one, position control within a torque-speed envelope. A
 `general` actuator holds position control within a limit, gain and bias of a torque. Both hold a
@@ -8,19 +10,23 @@ delay of their command, read between steps from its history [MuJoCo2026].
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.data.envelope import Envelope
+from frictionid.evaluation.curves import curves
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws import Cogging, CoulombViscous, Dahl, LuGre, Quadratic, Sum
 
 from .exported import ExportedFriction
-from .nearest import nearest
+from .nearest import cost_of, followed, nearest, sliding, whose_gains
 
 # a motor without constants, as `dcmotor` needs some: its back-EMF is 1e-12 N m s/rad
 _NO_MOTOR = {"input": "none", "motorconst": "1e-06 1e-06", "resistance": "1.0"}
+HISTORY = "history of controls begins at 0: start elsewhere with mj_initCtrlHistory"
 
 
 def is_native(model: ExportedFriction) -> bool:
@@ -45,21 +51,64 @@ def cogging_of(law: Law) -> Cogging | None:
     return other if float(other.orders[0] * other.gear).is_integer() else None
 
 
-def held(model: ExportedFriction) -> Friction:
+def held(model: ExportedFriction, motors: Sequence[int] | None = None) -> Friction:
     """The friction that MJCF holds: the model's own, without its continuation, else the nearest.
 
     Bristles have no damping: `dcmotor` has one that does not fade with the speed, which put
     predictions six times as far off as none.
+
+    motors : places of joints whose motors hold a constant torque, None for all that are driven
     """
     if not is_native(model):
-        return nearest(model)
+        return _by_direction(model, list(model.driven.values()) if motors is None else motors)
     theta = np.array(model.friction.theta, dtype=float)
     if isinstance(model.law, LuGre):
         theta[:, model.law.names.index("damping")] = 0.0
     return replace(model.friction, law=model.law.sharpened(), theta=theta)
 
 
-def joint_values(friction: Friction, j: int) -> dict[str, str]:
+def _by_direction(model: ExportedFriction, motors: Sequence[int]) -> Friction:
+    """Nearest Coulomb and viscous friction, with levels by direction at joints with motors."""
+    apart = np.zeros(model.friction.n)
+    plain = [j for j in motors if model.envelope(j) is None]
+    apart[plain] = uneven(model)[plain]
+    even = nearest(model, apart)
+    if not apart.any():
+        return even
+    level, slope = even.theta.T
+    apart = np.clip(apart, -level, level)
+    theta = np.stack([level + apart, level - apart, slope], axis=-1)
+    return replace(even, law=CoulombViscous(symmetric=False), theta=theta)
+
+
+def uneven(model: ExportedFriction) -> Array:
+    """Constant part (n,) of the torque of sliding [N m]: the mean of both directions.
+
+    Zero where the torque follows more than the velocity, and where no speeds are known.
+
+    >>> from frictionid.deploy.export.exported import exported
+    >>> law = CoulombViscous(symmetric=False)
+    >>> uneven(exported(Friction(law, np.array([[0.3, 0.1, 0.02]])), speeds=(10.0,))).round(9)
+    array([0.1])
+    """
+    is_known = model.prepared is not None or bool(model.speeds)
+    if model.law.has_memory or followed(model) or not is_known:
+        return np.zeros(model.friction.n)
+    w, _, fast = sliding(model)
+    sharp = replace(model.friction, law=model.friction.law.sharpened())
+    both = (curves(sharp, w) + curves(sharp, -w)) / 2
+    return np.asarray(np.mean(both, axis=0, where=fast | ~fast.any(axis=0)))
+
+
+def constant(friction: Friction) -> Array:
+    """Constant torque (n,) [N m] of a friction that MJCF holds, beside level and damping."""
+    law = friction.law
+    if isinstance(law, CoulombViscous) and not law.symmetric:
+        return np.asarray(friction.theta @ [0.5, -0.5, 0.0])
+    return np.zeros(friction.n)
+
+
+def joint_values(friction: Friction, j: int, back_emf: float = 0.0) -> dict[str, str]:
     """Attributes of a joint: level, and damping by powers of the velocity.
 
     >>> import numpy as np
@@ -69,9 +118,12 @@ def joint_values(friction: Friction, j: int) -> dict[str, str]:
     law, row = friction.law, [float(x) for x in friction.theta[j]]
     if isinstance(law, Dahl | LuGre):
         viscous = row[law.names.index("viscous")]
-        return {"frictionloss": "0.0", "damping": repr(viscous)}
-    slopes = row[1:-2] if cogging_of(law) else row[1:]
-    return {"frictionloss": repr(row[0]), "damping": " ".join(map(repr, slopes))}
+        return {"frictionloss": "0.0", "damping": repr(viscous + back_emf)}
+    if not getattr(law, "symmetric", True):
+        row = [(row[0] + row[1]) / 2, row[2]]
+    slope, *drag = row[1:-2] if cogging_of(law) else row[1:]
+    slopes = " ".join(map(repr, (slope + back_emf, *drag)))
+    return {"frictionloss": repr(row[0]), "damping": slopes}
 
 
 def passive_motor(friction: Friction, j: int) -> dict[str, str]:
@@ -99,6 +151,18 @@ def lost_bristles(model: ExportedFriction) -> list[str]:
     return ["the bristles' damping fades with the speed, dcmotor's does not: it is left out"]
 
 
+def lost_in_mjx(model: ExportedFriction, actuators: Sequence[bytes]) -> list[str]:
+    """A sentence on what MJX 3.17 has in place of dcmotors, where the new actuators have some."""
+    if not any(b"<dcmotor" in actuator for actuator in actuators):
+        return []
+    said = "MJX 3.17 takes no dcmotor (MuJoCo Warp does)"
+    if model.data is not None and is_native(model):
+        cost = cost_of(model, nearest(model))
+        said += f"; the nearest frictionloss and damping are {cost.apart:.2g} {cost.unit} from ours"
+        said += f" after {model.horizon:g} s"
+    return [said]
+
+
 def is_stiff(model: ExportedFriction, timestep: float) -> bool:
     """Whether RK4 cannot follow bristles at steps of `timestep` [s]; `implicitfast` can.
 
@@ -113,14 +177,19 @@ def is_stiff(model: ExportedFriction, timestep: float) -> bool:
     return bool((rate * timestep > 2.0).any())
 
 
-def actuator_of(model: ExportedFriction, j: int) -> tuple[str, dict[str, str]]:
+def actuator_of(
+    model: ExportedFriction, j: int, against: float = 0.0
+) -> tuple[str, dict[str, str]]:
     """Element and attributes of an actuator for a joint's motor; none where `motor` is the same.
 
     A `dcmotor` where it has an envelope, else a `general`, as a torque needs that is scaled or
     biased. Its control is the target of a servo, which is delayed, else the logged torque.
+
+    against : constant friction [N m] against which the motor pulls
     """
     drive, envelope = model.drive, model.envelope(j)
-    gain, bias = (float(np.asarray(x)[j]) for x in (model.calibration.gain, model.calibration.bias))
+    of_torque = model.calibration
+    gain, bias = (float(np.asarray(x)[j]) for x in (of_torque.gain, of_torque.bias - against))
     if drive is None and (gain, bias) != (1.0, 0.0):
         return "general", _affine(gain, (bias, 0.0, 0.0))
     if envelope is not None:
@@ -128,14 +197,12 @@ def actuator_of(model: ExportedFriction, j: int) -> tuple[str, dict[str, str]]:
         return "dcmotor", _dc_motor(envelope, *gains)
     if drive is None:
         return "general", {}
-    kp, kv, limit, back_emf, bias = (
-        float(x[j]) for x in (drive.kp, drive.kv, drive.limit, drive.back_emf, drive.bias)
+    kp, kv, limit, bias = (
+        float(x[j]) for x in (drive.kp, drive.kv, drive.limit, drive.bias - against)
     )
     values = _affine(kp, (bias, 0.0 - kp, 0.0 - kv))
     if math.isfinite(limit):
         values["forcerange"] = f"{bias - limit!r} {bias + limit!r}"
-    if back_emf:
-        values["damping"] = repr(back_emf)
     return "general", values
 
 
@@ -167,3 +234,25 @@ def delay_values(delay: float, timestep: float) -> dict[str, str]:
         return {}
     samples = math.ceil(delay / timestep - 1e-9) + 1
     return {"delay": repr(delay), "nsample": str(samples), "interp": "linear"}
+
+
+def said_of_motors(model: ExportedFriction, *, is_late: bool) -> list[str]:
+    """Sentences on what the actuators do, and on what of a calibration they do not."""
+    notes, delay = [], model.delay
+    if model.drive is not None:
+        notes += ["the actuators are position control: ctrl is the target", *whose_gains(model)]
+    if any(actuator_of(model, j)[0] == "dcmotor" for j in model.driven.values()):
+        notes.append(
+            "motors are dcmotors of 1 Ohm, whose voltage and torque limits are the envelope"
+        )
+        if model.drive is not None and np.any(model.drive.bias):
+            notes.append("a dcmotor has no constant torque: the servo's bias is left out")
+    if is_late:
+        notes.append(
+            f"controls act {1e3 * delay:.3g} ms late (MuJoCo 3.5, not MJX 3.17); {HISTORY}"
+        )
+    if delay < 0:
+        notes.append(f"controls would act {-1e3 * delay:.3g} ms early: MuJoCo cannot advance them")
+    if np.any(model.calibration.offset):
+        notes.append("angles are the true ones: logged ones less the calibration's offset")
+    return notes

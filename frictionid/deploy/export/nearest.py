@@ -26,12 +26,14 @@ from .exported import ExportedFriction, follows
 _SAME = 1e-9  # of the torques: what rounding does
 
 
-def nearest(model: ExportedFriction) -> Friction:
+def nearest(model: ExportedFriction, apart: Array | float = 0.0) -> Friction:
     """Coulomb and viscous friction nearest to the model's.
 
     Least squares over the recorded motion where there are data, so that speeds count as often as
     they occur; else over speeds up to the measured ones, all alike. Coulomb levels and viscous
     coefficients are not negative. A model of this law is given back as it is.
+
+    apart : constant torque (n,) [N m] that the target holds beside them
 
     Raises
     ------
@@ -49,10 +51,11 @@ def nearest(model: ExportedFriction) -> Friction:
     theta = np.zeros((model.friction.n, 2))
     if is_coulomb_viscous(model.law):
         theta = model.friction.theta
-    elif model.nearest is not None:
+    elif model.nearest is not None and not np.any(apart):
         theta = model.nearest.theta
     else:
         w, torque, fast = sliding(model)
+        torque = torque - apart
         for j, use in enumerate(fast.T):
             if use.any():
                 columns = np.stack([np.sign(w[use, j]), w[use, j]], axis=-1)
@@ -148,7 +151,7 @@ def lost_by(model: ExportedFriction, held: Friction, target: str, names: str) ->
             f": their level and slope are the least squares of the model's torques {where}, "
             "without slow samples (|w| < 0.05 rad/s)"
         )
-    levels = (break_away(model.friction), held.theta[:, 0])
+    levels = (break_away(model.friction), break_away(held))
     for name, unit, level, other in zip(model.joints, model.torque_units, *levels, strict=True):
         if level > 0 and abs(level - other) > 0.01 * level:
             lines.append(
@@ -285,6 +288,7 @@ class Replay(NamedTuple):
     apart, mean_apart : median and mean distance of the two, whose mean a joint that just misses
         upright rules
     predictions : their number, from states that a filter estimates
+    at_once : mean distance without the file's delay, None where it has none
     torque : (n,) RMS difference of the torques along the motion [N m or N], of a friction
     engine : name and version of what predicted, of a file
     """
@@ -297,6 +301,7 @@ class Replay(NamedTuple):
     predictions: int
     torque: tuple[float, ...] = ()
     engine: str = ""
+    at_once: float | None = None
 
 
 def replayed(model: ExportedFriction, initial: InitialStates, held: Array) -> Replay:

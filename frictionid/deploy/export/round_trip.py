@@ -39,9 +39,15 @@ def in_mujoco(
     initial = _alike(model, reaching(data.initial_states), most)
     if not len(initial.q):
         return None
-    engine = without_shapes(mujoco.MjSpec.from_string(xml)).compile()
-    held = run_by_engine(engine, model, initial, passive)
-    return replayed(model, initial, held)._replace(engine=f"MuJoCo {mujoco.__version__}")
+    spec = without_shapes(mujoco.MjSpec.from_string(xml))
+    runs = [replayed(model, initial, run_by_engine(spec.compile(), model, initial, passive))]
+    if any(a.nsample for a in spec.actuators):
+        for a in spec.actuators:
+            a.delay, a.nsample = 0.0, 0
+        held = run_by_engine(spec.compile(), model, initial, passive)
+        runs.append(replayed(model, initial, held))
+    at_once = runs[-1].mean_apart if runs[1:] else None
+    return runs[0]._replace(engine=f"MuJoCo {mujoco.__version__}", at_once=at_once)
 
 
 def sentence(replay: Replay, horizon: float) -> str:
@@ -51,11 +57,16 @@ def sentence(replay: Replay, horizon: float) -> str:
     'run as it is in MuJoCo 4.0.0, it is 0.0009 rad from our predictions after 1 s (mean of 48; \
 median 0.0002), and errs by 0.073 where ours err by 0.072'
     """
-    return (
+    said = (
         f"run as it is in {replay.engine}, it is {replay.mean_apart:.2g} {replay.unit} from our "
         f"predictions after {horizon:g} s (mean of {replay.predictions}; median "
         f"{replay.apart:.2g}), and errs by {replay.held:.3g} where ours err by {replay.model:.3g}"
     )
+    if replay.at_once is not None:
+        said += (
+            f"; without delay, as in MJX 3.17, it is {replay.at_once:.2g} {replay.unit} from ours"
+        )
+    return said
 
 
 def _alike(model: ExportedFriction, initial: InitialStates, count: int) -> InitialStates:

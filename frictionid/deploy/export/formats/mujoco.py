@@ -25,14 +25,18 @@ from frictionid.progress import report_step
 from ..exported import ExportedFriction, ExportSettings, Written
 from ..expressions import rendered
 from ..native import (
+    HISTORY,
     actuator_of,
+    constant,
     delay_values,
     held,
     is_native,
     is_stiff,
     joint_values,
     lost_bristles,
+    lost_in_mjx,
     passive_motor,
+    said_of_motors,
 )
 from ..nearest import (
     Replay,
@@ -43,7 +47,6 @@ from ..nearest import (
     differs,
     kept_inertias,
     lost_by,
-    whose_gains,
 )
 from ..round_trip import in_mujoco
 from ..xml_text import (
@@ -141,17 +144,11 @@ _HARD = "0.0001 1"  # MuJoCo takes two time steps where that is less, unless ref
 _FINE, _FINEST = 0.00025, 0.0001  # [s]: errors grow with the step, of bristles most
 _STEP = 0.002  # [s], MuJoCo's where a file names none
 _KEPT = ("name", "class", "group", "joint", "ctrllimited", "ctrlrange")  # of a motor made a servo
-_HISTORY = "history of controls begins at 0: start elsewhere with mj_initCtrlHistory"
 Change = tuple[int, int, bytes]
 
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """An MJCF whose joints have friction and drives, and a callback where it cannot hold a law."""
-    friction, native = held(model), is_native(model)
-    lost = lost_bristles(model)
-    if not native:
-        lost = lost_by(model, friction, "MJCF", "frictionloss and damping")
-    other = friction if lost else None
     rotors = None
     if settings.into is None:
         text, where, notes, inertias = _mechanism(model)
@@ -160,18 +157,26 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         rotors, carried = armature(model)
         where, notes, inertias = str(settings.into), [], kept_inertias(model, "MJCF", carried)
         text, listed = read_xml(settings.into, "MJCF", "mujoco", "mujocoinclude")
-    joints = _joints(listed, model, where)
-    changes, passive, said = _with_friction(friction, joints, text, listed, rotors)
-    driven, added, said_of_motors = _drives(model, text, listed)
+    joints, there = _joints(listed, model, where), _actuators(listed)
+    motors = [j for k, j in model.driven.items() if _is_written(model, there.get(k), listed)]
+    friction, native = held(model, motors), is_native(model)
+    lost = lost_bristles(model)
+    if not native:
+        lost = lost_by(model, friction, "MJCF", "frictionloss and damping")
+    other = friction if lost else None
+    changes, passive, said = _with_friction(friction, model.back_emf, joints, text, listed, rotors)
+    apart = constant(friction)
+    driven, added, of_motors = _drives(model, apart, text, listed)
     added += passive
     if added:
+        notes += lost_in_mjx(model, added)
         block = b"\n    ".join([b"  <actuator>", *added]) + b"\n  </actuator>\n"
         changes.append((listed[0].close, listed[0].close, block))
-    files, notes = {".xml": replaced(text, changes + driven)}, notes + said + said_of_motors
+    files, notes = {".xml": replaced(text, changes + driven)}, notes + said + of_motors
     if not native and differs(model, friction):
         code, sentence = b"", "no callback: it adds friction to joints, not to tendons"
         if all(joint.tag == "joint" for joint in joints):
-            code, sentence = callback(model, settings)
+            code, sentence = callback(model, settings, apart)
         files |= {"_callback.py": code} if code else {}
         (notes if code else lost).append(sentence)
     return Written(files, (*lost, *inertias), other, tuple(notes))
@@ -184,6 +189,7 @@ def replay(model: ExportedFriction, written: Written) -> Replay | None:
 
 def _with_friction(
     friction: Friction,
+    back_emf: Array,
     joints: list[Element],
     text: bytes,
     listed: list[Element],
@@ -196,7 +202,8 @@ def _with_friction(
     hard = not any(e.tag == "flag" and e.attributes.get("refsafe") == "disable" for e in listed)
     soft = [hard and _inherited(joint, "solreffriction", listed) is None for joint in joints]
     for j, joint in enumerate(joints):
-        new = joint_values(friction, j) | ({"solreffriction": _HARD} if soft[j] else {})
+        new = joint_values(friction, j, float(back_emf[j]))
+        new |= {"solreffriction": _HARD} if soft[j] else {}
         new |= {} if rotors is None else {"armature": repr(float(rotors[j]))}
         before = {name: _inherited(joint, name, listed) for name in _STATED if name in new}
         notes += stated_before(joint.name, before, new)
@@ -216,37 +223,30 @@ def _with_friction(
 
 
 def _drives(
-    model: ExportedFriction, text: bytes, listed: list[Element]
+    model: ExportedFriction, apart: Array, text: bytes, listed: list[Element]
 ) -> tuple[list[Change], list[bytes], list[str]]:
     """Changed and new actuators of the joints' motors, and sentences on them."""
-    there = {
-        e.attributes["joint"]: e
-        for e in listed
-        if e.parent is not None and e.parent.tag == "actuator" and "joint" in e.attributes
-    }
+    there = _actuators(listed)
     steps = [e.attributes["timestep"] for e in listed if "timestep" in e.attributes]
-    delay = model.delay
-    late = delay_values(delay, float(steps[0]) if steps else _STEP)
+    late = delay_values(model.delay, float(steps[0]) if steps else _STEP)
     changes: list[Change] = []
     added: list[bytes] = []
     left, servos = list[str](), list[str]()
     for name, j in model.driven.items():
-        (kind, values), e = actuator_of(model, j), there.get(name)
-        if e is None:
-            if model.drive is None and (values or late):
+        (kind, values), e = actuator_of(model, j, float(apart[j])), there.get(name)
+        if not _is_written(model, e, listed):
+            if e is not None:
+                servos.append(name)
+            elif values or late:
                 left.append(f"{name} has no actuator: gain, bias and delay of its torque are left")
-            new = {"name": name, "joint": name, **values, **late}
-            added += [element(kind, new)] if model.drive is not None else []
             continue
-        feedback = (_inherited(e, "biasprm", listed) or "").split()[1:3]
-        is_servo = e.tag in _SERVOS or any(map(float, feedback))
-        if is_servo and model.drive is None:
-            servos.append(name)
+        if e is None:
+            added.append(element(kind, {"name": name, "joint": name, **values, **late}))
             continue
         tag = text[e.start : e.end]
         if values:
             kept = {k: v for k, v in e.attributes.items() if k in _KEPT}
-            if not is_servo:  # a range of torques is none of targets
+            if not _is_servo(e, listed):  # a range of torques is none of targets
                 kept.pop("ctrlrange", None)
                 kept["ctrllimited"] = "false"
             tag = element(kind, {**kept, **values, **late})
@@ -260,28 +260,24 @@ def _drives(
     is_late = bool(late and (changes or added))
     if is_late:
         end = listed[0].close
-        changes.append((end, end, f"<!-- {_HISTORY} -->\n".encode()))
-    return changes, added, left + _said(model, delay, is_late)
+        changes.append((end, end, f"<!-- {HISTORY} -->\n".encode()))
+    return changes, added, left + said_of_motors(model, is_late=is_late)
 
 
-def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
-    """Sentences on what the actuators do, and on what of a calibration they do not."""
-    notes = []
-    if model.drive is not None:
-        notes += ["the actuators are position control: ctrl is the target", *whose_gains(model)]
-    if any(actuator_of(model, j)[0] == "dcmotor" for j in model.driven.values()):
-        notes.append(
-            "motors are dcmotors of 1 Ohm, whose voltage and torque limits are the envelope"
-        )
-        if model.drive is not None and np.any(model.drive.bias):
-            notes.append("a dcmotor has no constant torque: the servo's bias is left out")
-    if is_late:
-        notes.append(f"controls act {1e3 * delay:.3g} ms late (MuJoCo 3.5); {_HISTORY}")
-    if delay < 0:
-        notes.append(f"controls would act {-1e3 * delay:.3g} ms early: MuJoCo cannot advance them")
-    if np.any(model.calibration.offset):
-        notes.append("angles are the true ones: logged ones less the calibration's offset")
-    return notes
+def _actuators(listed: list[Element]) -> dict[str, Element]:
+    """Actuators of joints, by the joints' names."""
+    inside = (e for e in listed if e.parent is not None and e.parent.tag == "actuator")
+    return {e.attributes["joint"]: e for e in inside if "joint" in e.attributes}
+
+
+def _is_servo(e: Element, listed: list[Element]) -> bool:
+    feedback = (_inherited(e, "biasprm", listed) or "").split()[1:3]
+    return e.tag in _SERVOS or any(map(float, feedback))
+
+
+def _is_written(model: ExportedFriction, e: Element | None, listed: list[Element]) -> bool:
+    """Whether a joint's motor is written; without a drive servos of a file stay as they are."""
+    return model.drive is not None or (e is not None and not _is_servo(e, listed))
 
 
 def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str]]:
@@ -361,10 +357,12 @@ def _inherited(joint: Element, name: str, listed: list[Element]) -> str | None:
     return None
 
 
-def callback(model: ExportedFriction, settings: ExportSettings) -> tuple[bytes, str]:
+def callback(model: ExportedFriction, settings: ExportSettings, apart: Array) -> tuple[bytes, str]:
     """The module, b"" where there is none, and a sentence that says what it does.
 
     Memory advances with each step of the engine, or once a sample where the law says so.
+
+    apart : constant friction (n,) [N m] against which the file's motors pull
     """
     law = model.friction.law.sharpened()
     sharp = replace(model, friction=replace(model.friction, law=law))
@@ -376,7 +374,9 @@ def callback(model: ExportedFriction, settings: ExportSettings) -> tuple[bytes, 
         return b"", "no callback: MuJoCo gives no passive force the load in the bearings"
     time = model.law.sample_time
     context = {
-        "levels": [float(v) for v in break_away(model.friction)],
+        "levels": break_away(model.friction).tolist(),
+        "apart": apart.tolist(),
+        "back_emf": model.back_emf.tolist(),
         "inputs": ", ".join(f'x["{name}"]' for name in inputs),
         "has_memory": has_memory,
         "when": "> 0.0" if time is None else f">= {time * (1 - 1e-6)!r}",
