@@ -13,7 +13,7 @@ from frictionid.progress import Done, say_nothing
 from frictionid.quickstart import quick as first
 from frictionid.quickstart.quick import plan_for
 from frictionid.quickstart.quick_report import Quick
-from frictionid.report.console import printed, printed_html
+from frictionid.report.console import Shown
 from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
 from frictionid.report.figures.style import drawn
 
@@ -24,16 +24,13 @@ _NONE = (float("nan"),) * 2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Verdict:
+class Verdict(Shown):
     """Verdict on a data set, as frames; `details` has all of it."""
 
     details: checks.Verdict
 
-    def __repr__(self) -> str:
-        return printed(partial(show_verdict, self.details)).rstrip("\n")
-
-    def _repr_html_(self) -> str:
-        return printed_html(partial(show_verdict, self.details))
+    def show(self) -> None:
+        show_verdict(self.details)
 
     @property
     def level(self) -> str:

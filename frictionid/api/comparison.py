@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from frictionid.friction.model_files import read_model
 from frictionid.friction.provenance import Provenance
 from frictionid.pictures import as_html
 from frictionid.report import show_summary
-from frictionid.report.console import printed, printed_html
+from frictionid.report.console import Shown
 from frictionid.report.exhibits import (
     FITTED,
     Picture,
@@ -86,7 +86,7 @@ class ComparedModel:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Mapping[tuple[str, str], ComparedModel]):
+class Comparison(Shown, Mapping[tuple[str, str], ComparedModel]):
     """Models compared on identical folds.
 
     A mapping of (name, recipe) to `ComparedModel`; where there is one recipe the name is enough, as
@@ -105,11 +105,11 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
     laws: tuple[type[Law], ...] = ()
     fitted: Mapping[tuple[str, str], Result] | None = None
 
-    def __repr__(self) -> str:
-        return printed(partial(show_summary, self.results)).rstrip("\n")
+    def show(self) -> None:
+        show_summary(self.results)
 
     def _repr_html_(self) -> str:
-        return printed_html(partial(show_summary, self.results)) + as_html(self.plot())
+        return super()._repr_html_() + as_html(self.plot())
 
     def __iter__(self) -> Iterator[tuple[str, str]]:
         return iter(self._tasks)

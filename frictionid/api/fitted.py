@@ -21,7 +21,7 @@ from frictionid.friction import Friction
 from frictionid.friction.model_files import LAWS, save_model
 from frictionid.friction.provenance import Estimates
 from frictionid.report import show_fit
-from frictionid.report.console import printed, printed_html, say
+from frictionid.report.console import Shown, say
 from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
@@ -38,7 +38,7 @@ ASSUMED = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit:
+class Fit(Shown):
     """A fitted friction, with the data that it was fitted to, where these are at hand.
 
     Attributes
@@ -51,12 +51,6 @@ class Fit:
 
     friction: Friction
     data: Dataset | None = None
-
-    def __repr__(self) -> str:
-        return printed(self.show).rstrip("\n")
-
-    def _repr_html_(self) -> str:
-        return printed_html(self.show)
 
     @property
     def law(self) -> str:

@@ -21,7 +21,7 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.method import Method, check_method
 from frictionid.outputs import check_unchanged
 from frictionid.progress import Done, say_nothing
-from frictionid.report.console import printed, printed_html
+from frictionid.report.console import Shown
 from frictionid.report.figures.studies import over_amounts, summarised, tornado
 from frictionid.report.figures.style import drawn
 from frictionid.report.sensitivity import sensitivity_table, write_sensitivity
@@ -35,7 +35,7 @@ CASES = "fits"  # folder of the results of single fits
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity:
+class Sensitivity(Shown):
     """A sensitivity study of one data set and law.
 
     Attributes
@@ -47,13 +47,7 @@ class Sensitivity:
 
     frame: pd.DataFrame
 
-    def __repr__(self) -> str:
-        return printed(self._show).rstrip("\n")
-
-    def _repr_html_(self) -> str:
-        return printed_html(self._show)
-
-    def _show(self) -> None:
+    def show(self) -> None:
         show_table(sensitivity_table(summarised(self.frame)))
 
     def plot(self, kind: str = "tornado") -> Any:

@@ -26,7 +26,7 @@ from frictionid.files import suite_path
 from frictionid.outputs import check_unchanged, check_writable
 from frictionid.progress import Done, say_nothing
 from frictionid.report import build
-from frictionid.report.console import printed, printed_html
+from frictionid.report.console import Shown
 from frictionid.report.figures.studies import progress as progress_picture
 from frictionid.report.figures.style import drawn
 from frictionid.report.sensitivity import score_table, settings_tables, trials_of, write_outcome
@@ -165,7 +165,7 @@ def run_suite(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tuned:
+class Tuned(Shown):
     """The outcome of a search.
 
     Attributes
@@ -178,12 +178,6 @@ class Tuned:
     studies: tuple[Study, ...]
     objective: Objective
     page: Path
-
-    def __repr__(self) -> str:
-        return printed(self.show).rstrip("\n")
-
-    def _repr_html_(self) -> str:
-        return printed_html(self.show)
 
     def show(self) -> None:
         """Print scores and chosen settings."""

@@ -33,7 +33,7 @@ def check(
     from frictionid.check import LEVELS
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
-    from frictionid.report.diagnostics import picture_paths, show_verdict, write_pictures
+    from frictionid.report.diagnostics import picture_paths, write_pictures
 
     if out is not None:
         check_outputs(picture_paths(out), dataset_files(dataset, data), replace=replace)
@@ -41,7 +41,7 @@ def check(
     if json:
         print(verdict.json())
     else:
-        show_verdict(verdict.details)
+        verdict.show()
     if out:
         for path in write_pictures(verdict.details, out):
             typer.echo(f"written to {path}", err=True)
@@ -73,7 +73,7 @@ def quick(
     from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.quick import plan_for
-    from frictionid.quickstart.quick_report import quick_figure, quick_json, show_quick
+    from frictionid.quickstart.quick_report import quick_figure, quick_json
     from frictionid.report.figures.style import png
 
     loaded = fid.load_dataset(dataset, data, trust=trust)
@@ -84,7 +84,7 @@ def quick(
     check_outputs([figure], dataset_files(dataset, data), replace=replace)
     with running(plan_for(loaded).steps, f"first verdict ({loaded.name})") as done:
         verdict = fid.quick(loaded, done)
-    print(quick_json(verdict)) if json else show_quick(verdict)
+    print(quick_json(verdict)) if json else verdict.show()
     if verdict.chosen is None:
         raise typer.Exit(2)
     write_bytes(figure, png(partial(quick_figure, verdict)))

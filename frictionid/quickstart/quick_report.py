@@ -23,7 +23,7 @@ from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.mechanics import Mechanism
 from frictionid.pictures import as_html, drawn
 from frictionid.report.candidates import Measure
-from frictionid.report.console import console, printed, printed_html, say
+from frictionid.report.console import Shown, console, say
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
 from frictionid.report.figures.style import (
     COLOURS,
@@ -70,7 +70,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Quick:
+class Quick(Shown):
     """A first verdict, which prints itself at the prompt and in a notebook.
 
     Attributes
@@ -100,12 +100,11 @@ class Quick:
     velocity: Array | None = None
     not_fitted: tuple[str, ...] = ()
 
-    def __repr__(self) -> str:
-        return printed(partial(show_quick, self)).rstrip("\n")
+    def show(self) -> None:
+        show_quick(self)
 
     def _repr_html_(self) -> str:
-        picture = "" if self.chosen is None else as_html(self.plot())
-        return printed_html(partial(show_quick, self)) + picture
+        return super()._repr_html_() + ("" if self.chosen is None else as_html(self.plot()))
 
     @property
     def measure(self) -> Measure:

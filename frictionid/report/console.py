@@ -51,6 +51,20 @@ def printed_html(show: Callable[[], object]) -> str:
     )
 
 
+class Shown:
+    """A result that prints itself by `show`, at the prompt and in a notebook."""
+
+    def show(self) -> None:
+        """Print it."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return printed(self.show).rstrip("\n")
+
+    def _repr_html_(self) -> str:
+        return printed_html(self.show)
+
+
 def _recorded(show: Callable[[], object]) -> Any:
     from rich.console import Console
 
