@@ -18,8 +18,7 @@ from rich.console import Console
 from rich.table import Table
 from script import call
 
-from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.comparison.tasks import Task
 from frictionid.data.plants import plant_of
 from frictionid.fitting.fit import Fit

@@ -26,8 +26,7 @@ from script import call
 
 from frictionid.api.suites import run_suite
 from frictionid.comparison.cluster import on_cluster
-from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.comparison.tasks import prepare_benchmarks, results_of
 
 

@@ -40,7 +40,7 @@ from pathlib import Path
 import frictionid
 from frictionid.comparison.suite import load_suite
 from frictionid.files import suite_path
-from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.suite import tasks_of
 assert Path(frictionid.__file__).is_relative_to(sys.argv[1]), frictionid.__file__
 suite = suite_path(Path("acrobot"))
 tasks = tasks_of(load_suite(suite), suite)

@@ -14,8 +14,7 @@ from frictionid.comparison.cross_validate import (
     prepare_benchmark,
 )
 from frictionid.comparison.results import results_in_memory
-from frictionid.comparison.suite import NamedIdentifier
-from frictionid.comparison.suite_tasks import tasks_on
+from frictionid.comparison.suite import NamedIdentifier, tasks_on
 from frictionid.comparison.tasks import Outcome, Task, results_of
 from frictionid.comparison.usual_method import usual_recipe, usual_sample_time
 from frictionid.config import distinct

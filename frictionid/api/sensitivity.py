@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from pydantic import ValidationError
 
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.result_folder import lock
@@ -15,7 +14,7 @@ from frictionid.comparison.results import provenance_of
 from frictionid.comparison.sensitivity_study import cases_of, run_cases, sensitivity_cases
 from frictionid.comparison.tasks import Task
 from frictionid.comparison.variations import SensitivitySettings
-from frictionid.config import mistake
+from frictionid.config import checked
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.method import Method, check_method
@@ -108,10 +107,7 @@ def sensitivity(
         study = frictionid.sensitivity("my_rig", "stribeck", settings={"parameters": ["mass"]})
         study.plot()
     """
-    try:
-        chosen = SensitivitySettings.model_validate(dict(settings or {}))
-    except ValidationError as error:
-        raise InputError(f"sensitivity: {mistake(error)}") from None
+    chosen = checked(SensitivitySettings, dict(settings or {}), "sensitivity")
     dataset, identifier = dataset_of(data), identifier_of(law)
     fitting = method_of(method, recipe=recipe, free=free)
     check_method(fitting, identifier)

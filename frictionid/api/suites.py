@@ -15,8 +15,7 @@ from frictionid.comparison.cross_validate import PreparedBenchmark
 from frictionid.comparison.result_folder import UNFINISHED, lock, unfinished
 from frictionid.comparison.results import Results, describe, load_results
 from frictionid.comparison.search_space import Objective
-from frictionid.comparison.suite import Suite
-from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.suite import Suite, tasks_of
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.comparison.tuning import Study, study_specs
 from frictionid.comparison.tuning import tune as search

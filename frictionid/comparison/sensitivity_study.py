@@ -34,8 +34,7 @@ from .cross_validate import Benchmark
 from .fit_model import fit_model
 from .processes import side_by_side
 from .result_folder import finished, write_sealed
-from .suite import Suite
-from .suite_tasks import tasks_of
+from .suite import Suite, tasks_of
 from .tasks import Task, digest_of, file_name
 from .variations import SensitivitySettings, Variation, variations_of, varied, with_samples
 

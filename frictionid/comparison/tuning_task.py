@@ -21,9 +21,8 @@ from frictionid.fitting.method import Method
 from .cross_validate import Benchmark, PreparedBenchmark, run
 from .registry import IDENTIFIERS
 from .search_space import Objective, Space
-from .suite import IdentifierEntry, Suite, identifier_of
+from .suite import IdentifierEntry, Suite, benchmarks_of, identifier_of, used_recipes
 from .suite_recipes import recipes_of
-from .suite_tasks import benchmarks_of, used_recipes
 from .tasks import Task
 
 NEVER = 1e6  # [s] between starts: one in each recording, where no rollout is asked for

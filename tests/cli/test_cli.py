@@ -261,12 +261,12 @@ def test_misuse_is_one_line_and_exit_code_2(call, wrong, words):
 
 
 def test_ctrl_c_while_reading_is_130(place, call, monkeypatch):
-    from frictionid.comparison import suite_tasks
+    from frictionid.comparison import suite
 
     def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(suite_tasks, "load_dataset", stop)
+    monkeypatch.setattr(suite, "load_dataset", stop)
     write_suite(place)
     code, out, err = call("compare suite.toml --out none")
     assert (code, out) == (130, "")

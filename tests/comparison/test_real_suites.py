@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.comparison.results import descriptions_of
-from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.comparison.tasks import content_of, prepare_benchmarks, results_of
 from frictionid.evaluation import Split, make_folds
 

@@ -17,8 +17,7 @@ import frictionid as fid
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space, Tuning
-from frictionid.comparison.suite import IdentifierEntry, load_suite
-from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.suite import IdentifierEntry, load_suite, tasks_of
 from frictionid.comparison.tuning import tune
 from frictionid.comparison.tuning_task import TuningTask, training_benchmark, tuning_tasks
 from frictionid.evaluation import Protocol, Split, make_folds

@@ -14,8 +14,7 @@ from fixtures.mistakes import mistakes
 from fixtures.reader_files import mat_bytes
 from fixtures.refusals import assert_one_line
 
-from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.quickstart.quick import BY_ANGLES
 

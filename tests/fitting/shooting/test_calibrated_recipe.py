@@ -12,9 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.result_folder import write_sealed
-from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipes_of
-from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, content_of, prepare_benchmarks
 from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
 from frictionid.fitting.identifiers import Flexible, Frictionless, LeastSquares, SINDy

@@ -12,8 +12,7 @@ from fixtures.paths import ROOT
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
-from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.formats.bam import XL330_GAIN
