@@ -23,10 +23,11 @@ from scipy.stats import binomtest
 from script import call
 
 from frictionid import baseline, load_dataset, mechanisms, monitor
+from frictionid.arrays import joined
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import taken
 from frictionid.deploy.monitor.baseline import Baseline
-from frictionid.deploy.monitor.changes import Changes, joined, prepared_data, recording_changes
+from frictionid.deploy.monitor.changes import Changes, prepared_data, recording_changes
 from frictionid.deploy.monitor.judgement import Judgement, judge
 from frictionid.mechanics import Mechanism
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate

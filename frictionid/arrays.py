@@ -1,6 +1,7 @@
 """Small array algebra that runs alike on NumPy and torch (through array-api-compat)."""
 
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from frictionid.errors import InputError
 # An array of NumPy. Where a tensor of torch may stand in its place, the namespace is found from the
 # arguments, never chosen by the code.
 Array = NDArray[Any]
+Arrays = TypeVar("Arrays")  # a named tuple of arrays
 
 MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 
@@ -44,6 +46,14 @@ def columns(xp: Any, *entries: Array) -> Array:
     out = np.empty((*first.shape, len(entries)), np.result_type(*entries))
     for i, entry in enumerate(entries):
         out[..., i] = entry
+    return out
+
+
+def joined(several: Iterable[Arrays]) -> Arrays:
+    """Named tuples of arrays as one, each array behind that of the one before."""
+    first, *others = several
+    whole: Any = first
+    out: Arrays = whole._make(map(np.concatenate, zip(whole, *others, strict=True)))
     return out
 
 

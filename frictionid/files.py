@@ -147,6 +147,11 @@ def json_text(document: Mapping[str, Any], indent: int | None = 1) -> str:
     return json.dumps(plain(document), indent=indent, allow_nan=False) + "\n"
 
 
+def finite_json(document: Any) -> str:
+    """A document as JSON; null for what is not finite."""
+    return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Document of a JSON file.
 

@@ -76,9 +76,8 @@ def evaluate(
         initial_states=initial_states,
     )
     table = scores_of(named, dataset, protocol)
-    for name, friction in named.items():
-        for sentence in training_notes(name, friction, dataset):
-            warnings.warn(sentence, UserWarning, stacklevel=2)
+    for sentence in training_notes(named, dataset):
+        warnings.warn(sentence, UserWarning, stacklevel=2)
     return table
 
 
@@ -136,15 +135,16 @@ def scores_of(
     return model_scores(dataset.name, scores)
 
 
-def training_notes(name: str, friction: Friction, dataset: Dataset) -> Iterator[str]:
-    """A sentence where the model was fitted to tables of the data set."""
-    fitted, scored = tables_of(friction.provenance.data), tables_of(dataset.hashes)
-    shared = set(fitted.values()) & set(scored.values())
-    if shared:
-        yield (
-            f"{name} was fitted to {len(shared)} of the {len(scored)} files of "
-            f"{dataset.name!r}: its scores are of training data, not of held-out recordings"
-        )
+def training_notes(models: Mapping[str, Friction], dataset: Dataset) -> Iterator[str]:
+    """A sentence on each model that was fitted to tables of the data set."""
+    scored = tables_of(dataset.hashes)
+    for name, friction in models.items():
+        shared = {*tables_of(friction.provenance.data).values()} & {*scored.values()}
+        if shared:
+            yield (
+                f"{name} was fitted to {len(shared)} of the {len(scored)} files of "
+                f"{dataset.name!r}: its scores are of training data, not of held-out recordings"
+            )
 
 
 def predict(

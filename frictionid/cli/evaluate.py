@@ -66,9 +66,8 @@ def evaluate(
         return
     show_scores(table)
     show_torque_left(score_torque_frames(table), dataset.mechanism.joints)
-    notes = [note for name, f in frictions.items() for note in training_notes(name, f, dataset)]
     written = [] if out is None else [f"written to {out}"]
-    print(_STATES[initial_states], *notes, *written, sep="\n")
+    print(_STATES[initial_states], *training_notes(frictions, dataset), *written, sep="\n")
 
 
 _HORIZONS = "be positive seconds with commas, e.g. 0.25,0.5"

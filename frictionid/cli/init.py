@@ -109,10 +109,10 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
         return
     print(described.dataset_toml)
     print(f"written to {tables.folder / 'dataset.toml'} and {tables.folder / 'suite.toml'}")
-    for text in described.missing:
+    for text in described.draft.missing:
         print(f"missing: {text}")
     command = "check" if described.draft.machine.kind in ("urdf", "mjcf") else "quick"
-    first = "write the gains into dataset.toml, then " if GAINS in described.missing else ""
+    first = "write the gains into dataset.toml, then " if GAINS in described.draft.missing else ""
     print(f"next: {first}frictionid {command} {tables.folder}")
 
 

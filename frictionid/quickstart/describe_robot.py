@@ -26,12 +26,11 @@ from .describe_tables import (
     OUTPUT,
     Described,
     Known,
-    Tables,
     actuator_of,
     described_draft,
     loaded,
 )
-from .draft_text import Draft
+from .draft_text import Draft, Tables
 from .robot_columns import RobotColumns, RobotFile, robot_columns
 
 _NOTHING = 1e-9  # of the usual inertia of a joint
@@ -110,14 +109,13 @@ def describe_robot(
     unknown = (key for key in motor if getattr(filled, key, 0) is None)
     comments |= dict.fromkeys((f"motor.{key}" for key in unknown), _MISSING)
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
-    name = tables.folder.resolve().name
     draft = Draft(
-        *(name, tables.files, table, guesses, machine, motor),
-        *(comments, actuator, columns.velocity, columns.imu),
+        *(tables, table, guesses, machine, motor, comments, actuator),
+        *(columns.velocity, columns.imu, missing),
     )
     factor = {*missing} & {_KT, _GEAR}  # of the torques, where angles are the joints'
     if len(factor) == 1 and not (_GEAR in factor and "angle" in motor):
-        gains = gains_by_gravity(loaded(draft, tables.folder))
+        gains = gains_by_gravity(loaded(draft))
         none = [joint for joint, gain in gains.items() if gain is None]
         if none and len(none) < len(gains) and "joints" not in options:
             pairs = zip(columns.joints, columns.torque, strict=True)
@@ -131,9 +129,9 @@ def describe_robot(
             missing = tuple(said if text in factor else text for text in missing)
             key = "gear" if filled.gear is None else "kt"
             texts = (f"{gain.value * motor[key]:.3g}" for gain in gains.values() if gain)
-            draft = replace(draft, motor={**motor, key: [*map(float, texts)]})
+            draft = replace(draft, missing=missing, motor={**motor, key: [*map(float, texts)]})
     blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
-    described = described_draft(draft, tables, missing, blind=blind)
+    described = described_draft(draft, blind=blind)
     rest = _resting(described, columns.joints)
     if not rest or "joints" in options or facts.per_joint:
         return described

@@ -26,7 +26,7 @@ from frictionid.mechanics.mechanism_table import mechanism_kinds, mechanism_opti
 
 from .column_guesses import ColumnGuesses, guess_columns
 from .column_names import is_target, quantity_of
-from .draft_text import Draft, dataset_text, suite_text
+from .draft_text import Draft, Tables, dataset_text, suite_text
 
 Constants = float | Sequence[float]  # one, or one per joint
 GAINS = "gains of the controller (--gains P,D [N m/rad], [N m s/rad]): without them nothing holds"
@@ -34,15 +34,6 @@ OUTPUT = (
     "output of the controller (output in [actuator]), taken as a torque at the joint: only other "
     "outputs need --kt and --gear, which are left out (kt, gear in [actuator])"
 )
-
-
-@dataclass(frozen=True)
-class Tables:
-    """Tables of recordings with the same columns, in one folder; the first one is read."""
-
-    folder: Path
-    files: tuple[str, ...]
-    first: Table
 
 
 @dataclass(frozen=True)
@@ -70,7 +61,6 @@ class Known:
 class Described:
     """Texts of dataset.toml and suite.toml, the data set that they describe, and the guesses.
 
-    missing : what was not given and no guess replaces, and what happens without it
     verdict : of `check` on the data set, or on what was corrected last
     """
 
@@ -78,7 +68,6 @@ class Described:
     suite_toml: str
     dataset: Dataset
     draft: Draft
-    missing: tuple[str, ...]
     verdict: Verdict
 
 
@@ -220,49 +209,40 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
         )
     gear = 1.0 if facts.gear is None else facts.gear
     motor = {"kt": facts.kt, "gear": gear} if guesses.is_current else {}
-    name, machine = tables.folder.resolve().name, mechanism_of(mechanism)
+    machine = mechanism_of(mechanism)
     targets = targets_in(tables.first, facts, machine.n)
     guesses = replace(guesses, unused=tuple(n for n in guesses.unused if n not in targets))
     missing: tuple[str, ...] = (GAINS,) if targets and facts.gains is None else ()
     if targets and (facts.kt, facts.gear) != (None, None):
         missing += (OUTPUT,)
-    draft = Draft(
-        *(name, tables.files, mechanism, guesses, machine, motor),
-        *(comments, actuator_of(targets, facts)),
-    )
-    return described_draft(draft, tables, missing, blind=GAINS in missing)
+    actuator = actuator_of(targets, facts)
+    draft = Draft(tables, mechanism, guesses, machine, motor, comments, actuator, missing=missing)
+    return described_draft(draft, blind=GAINS in missing)
 
 
-def described_draft(
-    draft: Draft,
-    tables: Tables,
-    missing: tuple[str, ...] = (),
-    *,
-    blind: bool = False,
-) -> Described:
+def described_draft(draft: Draft, *, blind: bool) -> Described:
     """Texts of a draft, its signs and units corrected where the motion contradicts them.
 
-    missing : what is not known; blind : whether that is so much that no sign can be corrected
+    blind : whether so much is missing that no sign can be corrected
     """
-    draft = replace(draft, evidence=tuple(f"MISSING: {text}" for text in missing))
-    dataset = loaded(draft, tables.folder)
+    dataset = loaded(draft)
     for _ in dataset.mechanism.joints:
         verdict = check(dataset)
         corrected = _corrected(draft, verdict, blind=blind)
         if corrected is draft:
             break
-        draft, dataset = corrected, loaded(corrected, tables.folder)
+        draft, dataset = corrected, loaded(corrected)
     texts = dataset_text(draft), suite_text(draft, dataset)
-    return Described(*texts, dataset, draft, missing, verdict)
+    return Described(*texts, dataset, draft, verdict)
 
 
-def loaded(draft: Draft, folder: Path) -> Dataset:
-    """The data set that a draft describes, of tables in a folder."""
+def loaded(draft: Draft) -> Dataset:
+    """The data set that a draft describes."""
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "dataset.toml"
         file.write_text(dataset_text(draft), encoding="utf-8")
         try:
-            return load_dataset(file, folder)
+            return load_dataset(file, draft.tables.folder)
         except InputError as error:
             raise InputError(str(error).replace(f"{file}: ", "")) from None
 

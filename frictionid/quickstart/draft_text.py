@@ -4,9 +4,11 @@ import json
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from frictionid.data.readers.dataset_path import BAGS
+from frictionid.data.readers.table import Table
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation.folds import usual_kind
 from frictionid.mechanics import Mechanism
@@ -19,19 +21,27 @@ _COMMENT = 40  # column of the comments
 _LONG, _WIDE = 96, 130  # of a line, and of one with its comment
 
 
+class Tables(NamedTuple):
+    """Tables of recordings with the same columns, in one folder; the first one is read."""
+
+    folder: Path
+    files: tuple[str, ...]
+    first: Table
+
+
 @dataclass(frozen=True)
 class Draft:
     """All that a first dataset.toml says.
 
-    files : tables of the recordings; mechanism : the [mechanism] table
+    tables : of the recordings; mechanism : the [mechanism] table
     motor : [motor], where columns are of motors, or hold currents; actuator : [actuator]
     machine : the mechanism; comments : comments of keys of [mechanism], and below it as ""
     velocity : columns of velocities; base : [base], where an IMU says how it moves
-    evidence : what is missing, and what speaks for signs and units, from the physics
+    missing : what was not given and no guess replaces, and what happens without it
+    evidence : what speaks for signs and units, from the physics
     """
 
-    name: str
-    files: tuple[str, ...]
+    tables: Tables
     mechanism: Mapping[str, Any]
     guesses: ColumnGuesses
     machine: Mechanism
@@ -40,6 +50,7 @@ class Draft:
     actuator: Mapping[str, Any]
     velocity: tuple[str, ...] = ()
     base: Mapping[str, Any] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
     evidence: tuple[str, ...] = ()
 
 
@@ -51,7 +62,7 @@ def dataset_text(draft: Draft) -> str:
         "g": g,
         "values": draft.mechanism.get("parameters", {}),
         "driven": any(g.torque.columns),
-        "bags": draft.files[0].endswith(BAGS),
+        "bags": draft.tables.files[0].endswith(BAGS),
         "rates": [f"{unit}/s" for unit in units],
         "turned": {key: signs for key, signs in g.signs.items() if set(signs) != {1}},
     }
@@ -68,7 +79,8 @@ def suite_text(draft: Draft, dataset: Dataset) -> str:
 
 def _rendered(template: str, draft: Draft, context: Mapping[str, Any]) -> str:
     filters = {"alone": _one_or_all, "comment": _comment}
-    return render(template, {"draft": draft, "line": _line, **context}, filters=filters)
+    names = {"draft": draft, "line": _line, "name": draft.tables.folder.resolve().name}
+    return render(template, {**names, **context}, filters=filters)
 
 
 def _one_or_all(values: Sequence[Any]) -> Any:

@@ -1,6 +1,5 @@
 """A first verdict: in words and as a picture, for people, and for programs as JSON."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,7 +14,7 @@ from frictionid.comparison.kind_descriptions import summary
 from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import Loss
 from frictionid.evaluation.statistics import FEWEST
-from frictionid.files import plain
+from frictionid.files import finite_json
 from frictionid.fitting.shooting.omitted_blocks import NOT_FREE
 from frictionid.friction import Friction
 from frictionid.friction.laws.levels import LOAD, LOSS
@@ -245,7 +244,7 @@ def quick_json(result: Quick) -> str:
         "verdict": verdict(result),
         "fit": result.refined.document() if result.refined else {},
     }
-    return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
+    return finite_json(document)
 
 
 def _table(result: Quick) -> Table:

@@ -1,6 +1,5 @@
 """A verdict of `check`: for people in the terminal, as JSON for programs, and in pictures."""
 
-import json
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 from frictionid.check import Verdict
 from frictionid.check.questions import answer_of
 from frictionid.check.regression import one_way
-from frictionid.files import plain, write_bytes
+from frictionid.files import finite_json, plain, write_bytes
 from frictionid.mechanics import Mechanism
 
 from .console import console, say
@@ -54,7 +53,7 @@ def as_json(verdict: Verdict) -> str:
     fields = {name: value for name, value in vars(verdict).items() if name != "regression"}
     document = plain(fields, infinity=None)
     del document["estimate"]["residual"]
-    return json.dumps(document, indent=1, allow_nan=False)
+    return finite_json(document)
 
 
 def _mechanism(verdict: Verdict) -> Mechanism:

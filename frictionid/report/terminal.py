@@ -1,6 +1,5 @@
 """Results in the terminal: the summary tables, parameters with intervals, and where all lies."""
 
-import json
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
@@ -8,7 +7,7 @@ import pandas as pd
 from frictionid.comparison.results import Results
 from frictionid.evaluation import torque_frame
 from frictionid.evaluation.score_frame import score_tables
-from frictionid.files import plain
+from frictionid.files import finite_json
 from frictionid.fitting.fit import estimates_of
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
@@ -84,7 +83,7 @@ def results_json(results: Results) -> str:
         ],
         "not_fitted": results.not_fitted,
     }
-    return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
+    return finite_json(document)
 
 
 def show_side_by_side(compared: SideBySide) -> None:
@@ -107,8 +106,7 @@ def show_side_by_side(compared: SideBySide) -> None:
 
 def side_by_side_json(compared: SideBySide) -> str:
     """Two results side by side as JSON text; null for what is not finite."""
-    document = compared._asdict() | {"comparable": compared.comparable}
-    return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
+    return finite_json(compared._asdict() | {"comparable": compared.comparable})
 
 
 def show_scores(table: pd.DataFrame) -> None:

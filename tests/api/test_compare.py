@@ -46,5 +46,5 @@ def test_the_file_of_a_robot_is_no_training_data():
     friction = Friction(NoFriction(), np.zeros((2, 0)), provenance=source)
     for file, digest, seen in (("run2.csv", "2f", False), ("run1.csv", "1f", True)):
         scored = replace(data, hashes={file: digest, "arm.urdf": "c0"})
-        (note,) = [*training_notes("mine", friction, scored)] or [""]
+        (note,) = [*training_notes({"mine": friction}, scored)] or [""]
         assert ("fitted to 1 of the 1 files" in note) == seen == bool(note)

@@ -11,14 +11,14 @@ recordings that tell less count less. Stretches that no constant change explains
 are left out and named.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import MAD, Array, times, usual_step
+from frictionid.arrays import MAD, Array, joined, times, usual_step
 from frictionid.data.calibration import Calibration
 from frictionid.data.clock_facts import run_edges
 from frictionid.data.plants import plant_of
@@ -101,11 +101,6 @@ class Changes(NamedTuple):
     def disturbed(self) -> Array:
         """Residual (n,) over a tenth of a second from which on a stretch is disturbed."""
         return _DISTURBED * self.peak.max(axis=0)
-
-
-def joined(several: Iterable[Changes]) -> Changes:
-    """Changes of the recordings of several, one behind the other."""
-    return Changes(*map(np.concatenate, zip(*several, strict=True)))
 
 
 def with_others_held(changes: Changes, middle: Array, free: Array) -> Changes:

@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of, identifier_of
-from frictionid.arrays import Array
+from frictionid.arrays import Array, joined
 from frictionid.comparison.fit_model import as_logged
 from frictionid.comparison.usual_method import usual_method
 from frictionid.config import nearest
@@ -31,7 +31,7 @@ from .baseline import (
     numbers_of,
     save_baseline,
 )
-from .changes import Changes, joined, prepared_data, recording_changes
+from .changes import Changes, prepared_data, recording_changes
 from .effects import shares
 from .judgement import Judgement, judge
 from .monitored import Monitored

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, joined
 from frictionid.files import json_text
 from frictionid.outputs import replace_files
 from frictionid.report.figures import style
@@ -17,7 +17,7 @@ from frictionid.report.numbers import short
 from frictionid.report.tables import Table, line, render_page, table_of, terminal_text, text_columns
 
 from .baseline import Arrival, Baseline
-from .changes import Changes, joined, totals, with_others_held
+from .changes import Changes, totals, with_others_held
 from .effects import causes_of
 from .judgement import Judgement
 

@@ -13,7 +13,7 @@ from scipy.special import log_ndtr, ndtri_exp
 from frictionid.api.fit import fit as fit_again
 from frictionid.api.fitted import Fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
-from frictionid.arrays import MAD, Array
+from frictionid.arrays import MAD, Array, joined
 from frictionid.data.calibration import calibrated_plant, with_calibrated_servo
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of, refuse_torques
@@ -187,9 +187,9 @@ def deviation(said: Observed, noise: Array, shake: Array) -> Array:
     return np.sqrt(noise**2 + said.M**2 @ shake**2 + said.spread**2 + said.stick**2)
 
 
-def joined(several: Iterable[Observed]) -> Observed:
+def settled(several: Iterable[Observed]) -> Observed:
     """What was said of some samples after the other, where the filters have settled."""
-    both = Observed(*map(np.concatenate, zip(*several, strict=True)))
+    both = joined(several)
     return Observed(*(values[both.settled] for values in both))
 
 
@@ -250,7 +250,7 @@ def band_of(quiet: Iterable[tuple[Friction, Dataset]], response: float, rate: fl
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} = {value} must be a positive number")
     runs = [
-        joined(observed(momentum_observer_of(friction, dataset, r, response), x))
+        settled(observed(momentum_observer_of(friction, dataset, r, response), x))
         for friction, dataset in quiet
         for r, x in enumerate(dataset.recordings)
     ]
@@ -262,7 +262,7 @@ def band_of(quiet: Iterable[tuple[Friction, Dataset]], response: float, rate: fl
             "the begin of each"
         )
     apart = [Observed(*(x[e] for x in run)) for run, e in zip(runs, edges, strict=True)]
-    noise, shake = noises(joined(apart))
+    noise, shake = noises(settled(apart))
     largest = np.concatenate(
         [
             np.maximum.reduceat(np.abs(run.torque) / deviation(run, noise, shake), e)

@@ -71,11 +71,6 @@ def sound_chunk(
     return (chunk(sound) if sound else None), tuple(damaged)
 
 
-def joined(before: Chunk, after: Chunk) -> Chunk:
-    """Two chunks as one."""
-    return Chunk(*map(np.concatenate, zip(before, after, strict=True)))
-
-
 def part(chunk: Chunk, first: int, end: int | None = None) -> Chunk:
     """Some of its samples."""
     return Chunk(*(values[first:end] for values in chunk))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, joined
 from frictionid.data.plants import refuse_torques
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.export import expressions as ex
@@ -26,7 +26,7 @@ from ..monitor.changes import prepared_data, recording_changes
 from .external import Band, band_of, interval_torques, momentum_observer_of, with_band
 from .live import Estimate, Live, LiveFriction, drawn_by_noise
 from .momentum_observer import MomentumObserver, State
-from .stream import Chunk, chunks_of, joined, lines_of, part, sound_chunk
+from .stream import Chunk, chunks_of, lines_of, part, sound_chunk
 
 _TURN = 2 * np.pi
 _STRETCH, _LAST = 5.0, 1.0  # [s] that the live estimate takes at a time, and at least at the end
@@ -139,7 +139,7 @@ class _Stream(NamedTuple):
 def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     """The stream after new samples, and what these say."""
     stretch, live, estimate = stream.stretch, stream.live, None
-    both = joined(stretch, new)
+    both = joined([stretch, new])
     turns = np.diff(both.angle, axis=0) / _TURN
     turns *= np.array(watch.dataset.mechanism.position_units) == "rad"
     wraps = np.round(turns) * (np.abs(turns) < 1.5)  # more: an encoder that is set anew
@@ -152,7 +152,7 @@ def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
         after = Chunk(*(values[rows] for values in new))
         if k and np.ptp(stretch.time) >= _LAST:
             live = watch.friction.added(live, stretch)
-        stretch = after if k else joined(stretch, after)
+        stretch = after if k else joined([stretch, after])
         while np.ptp(stretch.time) >= _STRETCH:  # the same however many samples come at a time
             end = int(np.argmax(stretch.time - stretch.time[0] >= _STRETCH))
             live = watch.friction.added(live, part(stretch, 0, end + 1))
