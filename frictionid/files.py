@@ -142,7 +142,7 @@ def write_json(
     write_text(path, json_text(document, indent), durable=durable)
 
 
-def json_text(document: Mapping[str, Any], indent: int | None = 1) -> str:
+def json_text(document: Any, indent: int | None = 1) -> str:
     """A document as JSON; infinities become the strings "inf" and "-inf", NaN null."""
     return json.dumps(plain(document), indent=indent, allow_nan=False) + "\n"
 

@@ -3,16 +3,14 @@
 
 def list_kinds(command: str, name: str, json: bool) -> None:
     """Print all kinds that a command lists in short, or all of one, or either as JSON."""
-    import json as texts
-
     from frictionid.comparison import kind_descriptions
-    from frictionid.files import plain
+    from frictionid.files import json_text
     from frictionid.report.console import show_kind, show_kinds
 
     kinds = getattr(kind_descriptions, command)()
     chosen = [kind_descriptions.described(kinds, name)] if name else kinds
     if json:
-        print(texts.dumps(plain(chosen), indent=1))
+        print(json_text(chosen), end="")
     elif name:
         show_kind(chosen[0])
     else:

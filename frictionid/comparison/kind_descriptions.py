@@ -7,8 +7,8 @@ import inspect
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from frictionid.config import nearest
 from frictionid.errors import InputError
@@ -90,8 +90,7 @@ def _one_line(text: str) -> str:
     return " ".join(text.replace("``", "`").split())
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """A parameter or setting: its default as TOML would have it ("" where it has none)."""
 
     name: str
@@ -100,8 +99,7 @@ class Entry:
     meaning: str
 
 
-@dataclass(frozen=True)
-class KindDescription:
+class KindDescription(NamedTuple):
     """A kind: what it is, its parameters, which a fit finds or a machine has, and its settings.
 
     base : combinations of a mechanism's parameters that motion can identify

@@ -13,9 +13,8 @@ SHA256SUMS        of the files from scores.csv on: those that are unchanged are 
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -177,8 +176,7 @@ def _true_parameters(dataset: Dataset) -> dict[str, Any]:
     return out
 
 
-@dataclass(frozen=True, eq=False)
-class Results:
+class Results(NamedTuple):
     """A loaded result folder: each file is parsed once, by `load_results`.
 
     Attributes

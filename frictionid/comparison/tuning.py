@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from frictionid.config import read_toml
 from frictionid.errors import InputError
@@ -34,8 +34,7 @@ from .tuning_task import TuningTask, protocol_for, score_trial, training_benchma
 Spec = tuple[TuningTask, str, int | None]  # what is tuned, sampler, outer fold, None for all data
 
 
-@dataclass(frozen=True, eq=False)
-class Study:
+class Study(NamedTuple):
     """A search in the journal: a tuning task with a sampler, on all data or nested in a fold.
 
     Attributes

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,8 +28,7 @@ from .tasks import Task
 NEVER = 1e6  # [s] between starts: one in each recording, where no rollout is asked for
 
 
-@dataclass(frozen=True, eq=False)
-class TuningTask:
+class TuningTask(NamedTuple):
     """An identifier with settings to search, by a recipe on a data set with its folds."""
 
     benchmark: Benchmark

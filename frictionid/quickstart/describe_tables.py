@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,8 +57,7 @@ class Known:
         return any(np.ndim(c) for c in (self.kt, self.gear, *(self.gains or ())) if c is not None)
 
 
-@dataclass(frozen=True)
-class Described:
+class Described(NamedTuple):
     """Texts of dataset.toml and suite.toml, the data set that they describe, and the guesses.
 
     verdict : of `check` on the data set, or on what was corrected last

@@ -1,7 +1,7 @@
 """What the report is about: models, data sets and scores of a comparison, sorted for reading."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,8 +36,7 @@ def rollout(horizon: float, statistic: str = "median", score: str = "rollout_ang
     return f"{score}_{statistic}_{horizon:g}s"
 
 
-@dataclass(frozen=True, eq=False)
-class DataDescription:
+class DataDescription(NamedTuple):
     """A data set as datasets.json describes it; V velocities, n joints and other parts, SI units.
 
     Attributes
@@ -61,7 +60,7 @@ class DataDescription:
     measured: Array
     truth: Array | None = None
     velocities: Array | None = None
-    true_parameters: Document = field(default_factory=dict)
+    true_parameters: Document = {}
     speeds: Document | None = None
     check: Document | None = None
     hashes: frozenset[str] = frozenset()
@@ -97,11 +96,9 @@ def description_of(document: Document, hashes: Iterable[object] = ()) -> DataDes
     """A data set's description by its entry of datasets.json, and hashes of its files."""
     arrays = ("velocity", "density", "measured", "truth", "velocities")
     values: dict[str, Any] = {
-        key.name: np.asarray(document[key.name], dtype=float)
-        if key.name in arrays
-        else document[key.name]
-        for key in fields(DataDescription)
-        if document.get(key.name) is not None
+        key: np.asarray(document[key], dtype=float) if key in arrays else document[key]
+        for key in DataDescription._fields
+        if document.get(key) is not None
     }
     for name in ("joints", "torque_units", "position_units"):
         values[name] = tuple(map(str, values[name]))

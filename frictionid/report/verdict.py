@@ -7,8 +7,8 @@ recommended, refined by shooting where it was (`frictionid.evaluation.reference_
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +30,7 @@ MODEL = "Which friction model do these data support?"
 WHOLE = "At least three recordings, so that each can be held out as a whole."
 
 
-@dataclass(frozen=True, eq=False)
-class Verdict:
+class Verdict(NamedTuple):
     """Which model of a data set the evidence supports.
 
     Attributes
@@ -127,8 +126,7 @@ def verdict_of(section: Section) -> Verdict:
         return _decided(section, verdict, choice, [c for c in candidates if c.standing])
     sentence = f"No verdict: {reason}."
     question = Question("model", MODEL, NOT_EVALUATED, sentence, {})
-    return replace(
-        verdict,
+    return verdict._replace(
         sentence=sentence,
         main_doubt=f"{reason[0].upper()}{reason[1:]}.",
         questions=(question, *unanswered(reason)),
@@ -178,8 +176,7 @@ def _decided(
     question = Question("model", MODEL, recommended or UNDECIDED, sentence, evidence)
     asked = Asked(section, verdict.candidates, provisional, verdict.measure)
     doubt, remedy = _doubt(section, kind, provisional, simplest)
-    return replace(
-        verdict,
+    return verdict._replace(
         kind=kind,
         recommended=recommended,
         provisional=provisional.name,

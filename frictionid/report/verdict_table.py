@@ -135,7 +135,7 @@ def verdict_json(verdicts: Sequence[Verdict]) -> str:
         "rule": {"region": REGION, "probability": CERTAIN},
         "datasets": [
             {
-                **vars(verdict),
+                **verdict._asdict(),
                 "candidates": list(map(_candidate, verdict.candidates)),
             }
             for verdict in verdicts

@@ -63,7 +63,7 @@ def watch(
         for path in write_code(machine, code, [model], replace=replace):
             print(f"written to {path}")
         return
-    show = _Shown(machine.dataset.mechanism.joints, json)
+    show = _Shown(machine.mechanism.joints, json)
     ends = float("inf") if idle is None else idle
     seen = None
     for seen in watched(machine, dataset, _source(follow, port, baud), ends, header):

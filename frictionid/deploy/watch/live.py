@@ -7,7 +7,7 @@ band is by the curvature and by how stretches scatter.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -76,8 +76,7 @@ class Estimate(NamedTuple):
     seconds: float
 
 
-@dataclass(frozen=True, eq=False)
-class LiveFriction:
+class LiveFriction(NamedTuple):
     """Adds up what stretches say.
 
     Attributes

@@ -14,7 +14,6 @@ differ by is what the fit's covariance makes of the torque.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -94,8 +93,7 @@ class Observed(NamedTuple):
     settled: Array
 
 
-@dataclass(frozen=True, eq=False)
-class MomentumObserver:
+class MomentumObserver(NamedTuple):
     """Settings of a momentum observer.
 
     Attributes

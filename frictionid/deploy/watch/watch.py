@@ -4,7 +4,6 @@ The observer as C99 stands beside its friction; the controller gives M and dL/dq
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +18,7 @@ from frictionid.deploy.export.formats import c
 from frictionid.errors import InputError
 from frictionid.files import write_bytes
 from frictionid.friction import Friction
+from frictionid.mechanics import Mechanism
 from frictionid.outputs import check_outputs
 
 from ..monitor.baseline import reference_of
@@ -46,23 +46,24 @@ class Seen(NamedTuple):
     damaged: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Watch:
+class Watch(NamedTuple):
     """What watches a stream.
 
     Attributes
     ----------
-    dataset : Dataset
-        Of the machine, with recordings without contact.
     momentum_observer : MomentumObserver
     band : Band
     friction : LiveFriction
     """
 
-    dataset: Dataset
     momentum_observer: MomentumObserver
     band: Band
     friction: LiveFriction
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The machine."""
+        return self.friction.dataset.mechanism
 
 
 def watch_of(friction: Friction, dataset: Dataset, response: float, rate: float) -> Watch:
@@ -75,7 +76,7 @@ def watch_of(friction: Friction, dataset: Dataset, response: float, rate: float)
     quiet, _ = recording_changes(prepared, reference, ())
     drawn, uncertain = drawn_by_noise(quiet, reference.effects)
     live = LiveFriction(dataset, reference, quiet.disturbed, drawn, uncertain)
-    return Watch(dataset, momentum_observer, band, live)
+    return Watch(momentum_observer, band, live)
 
 
 def watched(
@@ -124,7 +125,7 @@ def watched(
 
 def _nothing(watch: Watch) -> tuple[Array, Array, Array]:
     """Time, torque and band of no sample."""
-    none = np.empty((0, watch.dataset.mechanism.n))
+    none = np.empty((0, watch.mechanism.n))
     return np.empty(0), none, none
 
 
@@ -141,7 +142,7 @@ def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     stretch, live, estimate = stream.stretch, stream.live, None
     both = joined([stretch, new])
     turns = np.diff(both.angle, axis=0) / _TURN
-    turns *= np.array(watch.dataset.mechanism.position_units) == "rad"
+    turns *= np.array(watch.mechanism.position_units) == "rad"
     wraps = np.round(turns) * (np.abs(turns) < 1.5)  # more: an encoder that is set anew
     both.angle[1:] -= _TURN * np.cumsum(wraps, axis=0)
     new = part(both, len(stretch.time))
@@ -172,7 +173,7 @@ def write_code(watch: Watch, out: Path, read: Sequence[Path], *, replace: bool) 
     InputError
         For laws with memory or loads, and parts that turn with several joints.
     """
-    source, mechanism = watch.momentum_observer, watch.dataset.mechanism
+    source, mechanism = watch.momentum_observer, watch.mechanism
     friction = source.friction
     if friction.law.has_memory or friction.law.uses_load or mechanism.coupled:
         raise InputError(

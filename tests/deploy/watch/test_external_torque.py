@@ -325,7 +325,7 @@ def test_what_cannot_be_watched_is_refused(fit, watch, quiet, tmp_path):
     with assert_refused("too short for a band: give 2 s and more beside 0.52 s"):
         fid.external_torque(fit, quiet, quiet=short)
     dahl = fid.Friction(Dahl(), np.full((1, len(Dahl().names)), 0.1))
-    other = replace(watch, momentum_observer=replace(watch.momentum_observer, friction=dahl))
+    other = watch._replace(momentum_observer=watch.momentum_observer._replace(friction=dahl))
     with assert_refused("code is for static laws"):
         write_code(other, tmp_path / "a.c", [], replace=False)
 
