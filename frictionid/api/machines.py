@@ -144,7 +144,7 @@ def machines() -> pd.DataFrame:
     >>> machines().loc["xl330_m6", ["law", "unit"]].tolist()
     ['gear_load', 'rad']
     """
-    columns = ["title", "law", "joints", "error", "without", "unit", "published", "licence"]
+    columns = "title law joints error without unit published licence".split()
     rows = {}
     for card in map(machine, shipped_names("machines")):
         held = card.held_out or HeldOut(np.nan, np.nan, "", "")

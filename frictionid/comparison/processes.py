@@ -25,9 +25,9 @@ from frictionid.files import sha256
 Returned = TypeVar("Returned")
 
 _PACKAGES = (
-    *("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pysindy", "torch"),
-    *("array-api-compat", "joblib", "pyarrow", "pydantic"),
-)
+    "frictionid numpy scipy sympy pandas scikit-learn pysindy torch array-api-compat joblib "
+    "pyarrow pydantic"
+).split()
 
 
 def side_by_side(

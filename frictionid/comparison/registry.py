@@ -256,7 +256,15 @@ RECIPES: Mapping[str, Recipe] = {recipe.name: recipe for recipe in (STUDY, INTEG
 BLOCKS: Mapping[str, Callable[..., ParameterBlock]] = {
     block.name: block
     for block in (
-        *(FrictionBlock, InertiaBlock, DelayBlock, GainBlock, BiasBlock, OffsetBlock),
-        *(ActuatorBlock, TargetDelayBlock, BacklashBlock, EnvelopeBlock),
+        FrictionBlock,
+        InertiaBlock,
+        DelayBlock,
+        GainBlock,
+        BiasBlock,
+        OffsetBlock,
+        ActuatorBlock,
+        TargetDelayBlock,
+        BacklashBlock,
+        EnvelopeBlock,
     )
 }

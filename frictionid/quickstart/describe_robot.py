@@ -110,8 +110,16 @@ def describe_robot(
     comments |= dict.fromkeys((f"motor.{key}" for key in unknown), _MISSING)
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
     draft = Draft(
-        *(tables, table, guesses, machine, motor, comments, actuator),
-        *(columns.velocity, columns.imu, missing),
+        tables,
+        table,
+        guesses,
+        machine,
+        motor,
+        comments,
+        actuator,
+        columns.velocity,
+        columns.imu,
+        missing,
     )
     factor = {*missing} & {_KT, _GEAR}  # of the torques, where angles are the joints'
     if len(factor) == 1 and not (_GEAR in factor and "angle" in motor):

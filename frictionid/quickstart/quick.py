@@ -82,8 +82,13 @@ def _laws(*laws: str | dict[str, Any]) -> tuple[IdentifierEntry, ...]:
 BY_ANGLES = Plan(
     RecipeEntry(name="shooting", by="shooting"),
     _laws(
-        *("none", "coulomb_viscous", "load_dependent", "motor_load", "stribeck"),
-        *(_BY_DIRECTION, "spline"),
+        "none",
+        "coulomb_viscous",
+        "load_dependent",
+        "motor_load",
+        "stribeck",
+        _BY_DIRECTION,
+        "spline",
     ),
     horizons=(0.5, 0.25, 0.1),
     folds=10,

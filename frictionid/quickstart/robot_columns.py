@@ -41,7 +41,13 @@ _BEYOND = 1.05  # times the travel that the file allows: further, and angles are
 _DEGREES = 4 * np.pi  # of an angle without limits: joints rarely turn further
 _SAYING = {"angle": ("rad", "deg"), "torque": ("N m",)}  # units that no other quantity has
 _PLAIN = {
-    *("joint", "link", "motor", "raw", "rad", "deg", "nm"),
+    "joint",
+    "link",
+    "motor",
+    "raw",
+    "rad",
+    "deg",
+    "nm",
     *(UNMEASURED | SENSED | FILTERED),
     *frozenset().union(*WORDS.values()),
 }

@@ -21,8 +21,7 @@ from .tables import Cell, Column, Table, line, table_of, text_columns
 
 DIGITS = 4  # significant, of the largest of a line
 PARAMETER_COLUMNS = (
-    *("identifier", "recipe", "role", "joint", "parameter", "unit"),
-    *("mean", "sd", "all_data", "identified"),
+    "identifier recipe role joint parameter unit mean sd all_data identified".split()
 )
 
 
@@ -33,7 +32,7 @@ def parameter_numbers(section: Section) -> pd.DataFrame:
     identified (by shooting; else nothing).
     """
     lines = [line for model in section.models for line in _numbers(model)]
-    return pd.DataFrame(lines, columns=list(PARAMETER_COLUMNS))
+    return pd.DataFrame(lines, columns=PARAMETER_COLUMNS)
 
 
 def _numbers(model: Model) -> Iterator[tuple[Any, ...]]:

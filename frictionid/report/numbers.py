@@ -164,9 +164,9 @@ def span(e: Estimate, scale: float) -> list[str]:
 
 
 COLUMNS = (
-    *("block", "joint", "parameter", "unit", "value", "error", "low_90", "high_90"),
-    *("low_95", "high_95", "identified", "at_bound", "nominal"),
-)
+    "block joint parameter unit value error low_90 high_90 low_95 high_95 identified at_bound "
+    "nominal"
+).split()
 
 
 def estimate_frame(read: Iterable[Estimate], joints: Sequence[str]) -> pd.DataFrame:
@@ -176,13 +176,22 @@ def estimate_frame(read: Iterable[Estimate], joints: Sequence[str]) -> pd.DataFr
     """
     lines = [
         (
-            *(e.block, "" if e.joint is None else joints[e.joint], e.parameter, e.unit),
-            *(e.value, e.error, *e.interval_90, e.low, e.high),
-            *(e.identified, e.at_bound, e.nominal),
+            e.block,
+            "" if e.joint is None else joints[e.joint],
+            e.parameter,
+            e.unit,
+            e.value,
+            e.error,
+            *e.interval_90,
+            e.low,
+            e.high,
+            e.identified,
+            e.at_bound,
+            e.nominal,
         )
         for e in read
     ]
-    return pd.DataFrame(lines, columns=list(COLUMNS)).astype({"nominal": float})
+    return pd.DataFrame(lines, columns=COLUMNS).astype({"nominal": float})
 
 
 def names_of(read: Iterable[Estimate]) -> tuple[str, ...]:

@@ -24,9 +24,8 @@ from .verdict import KINDS, RECOMMENDED, Verdict
 DAGGER = "†"
 _SAME = 1e-3  # of the number of residuals
 COLUMNS = (
-    *("model", "effective_parameters", "error", "times", "low", "high", "measured", "worse"),
-    *("standing", "aic", "bic", "implausible"),
-)
+    "model effective_parameters error times low high measured worse standing aic bic implausible"
+).split()
 
 
 def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
@@ -46,7 +45,7 @@ def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
         aic, bic = criteria.get(candidate.model, (nothing, nothing))
         failed = "; ".join(verdict.failed.get(candidate.model, ()))
         lines.append((*described, *tested, candidate.standing, aic, bic, failed))
-    return pd.DataFrame(lines, columns=list(COLUMNS))
+    return pd.DataFrame(lines, columns=COLUMNS)
 
 
 def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, tuple[float, float]]:

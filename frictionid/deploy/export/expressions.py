@@ -17,9 +17,14 @@ from .exported import ExportedFriction, ExportSettings
 
 TRUTHS = ("less", "less_equal", "equal", "and", "or", "not")  # operations that give true or false
 _OPERATORS: Mapping[str, Callable[..., Any]] = {
-    **{"add": operator.add, "subtract": operator.sub, "multiply": operator.mul},
-    **{"divide": operator.truediv, "power": operator.pow, "negative": operator.neg},
-    **{"less": operator.lt, "less_equal": operator.le},
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "divide": operator.truediv,
+    "power": operator.pow,
+    "negative": operator.neg,
+    "less": operator.lt,
+    "less_equal": operator.le,
 }
 _LONGEST = 30  # operations of an expression
 WIDTH = 100
@@ -155,14 +160,26 @@ class Form(NamedTuple):
 
 ANY, CHOSEN, EITHER, BOTH, EQUAL, COMPARED, ADDED, NEGATED, MULTIPLIED, POWER, CALLED = range(11)
 _LEVELS = {
-    **{"or": EITHER, "and": BOTH, "equal": EQUAL, "less": COMPARED, "less_equal": COMPARED},
-    **{"add": ADDED, "subtract": ADDED, "multiply": MULTIPLIED, "divide": MULTIPLIED},
+    "or": EITHER,
+    "and": BOTH,
+    "equal": EQUAL,
+    "less": COMPARED,
+    "less_equal": COMPARED,
+    "add": ADDED,
+    "subtract": ADDED,
+    "multiply": MULTIPLIED,
+    "divide": MULTIPLIED,
     "power": POWER,
 }
 _OF_TWO = ("maximum", "minimum", "power")  # functions of two operands
 _USUAL = {
-    **{"add": "+", "subtract": "-", "multiply": "*", "divide": "/"},
-    **{"less": "<", "less_equal": "<=", "equal": "=="},
+    "add": "+",
+    "subtract": "-",
+    "multiply": "*",
+    "divide": "/",
+    "less": "<",
+    "less_equal": "<=",
+    "equal": "==",
 }
 
 

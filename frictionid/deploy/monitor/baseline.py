@@ -192,7 +192,9 @@ def load_baseline(path: Path) -> Baseline:
             document["mechanism"],
             tuple(document["joints"]),
             Reference(
-                *(friction, grid, noise),
+                friction,
+                grid,
+                noise,
                 tuple(Effect(**effect) for effect in document["effects"]),
             ),
             tuple(row["name"] for row in rows),

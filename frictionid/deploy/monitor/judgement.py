@@ -27,7 +27,7 @@ _NO_GAIN = 0.5  # of the torque: more is no change of a sensor
 _TORN = 0.2  # of the time: what disturbs more is no push
 _LOOSE = "backlash, contact or a loose part may be behind what is named"
 _SHOWN = 3  # sentences of a kind
-_COLUMNS = "joint", "part", "change", "low_95", "high_95", "per_cent"
+_COLUMNS = "joint part change low_95 high_95 per_cent".split()
 
 
 class Judgement(NamedTuple):
@@ -75,7 +75,7 @@ def judge(
     notes = list(_notes(baseline, new, side, disturbed))
     if 2 * fits.sum() < len(fits):
         nothing = np.full(n, np.nan)
-        parts = pd.DataFrame(columns=list(_COLUMNS))
+        parts = pd.DataFrame(columns=_COLUMNS)
         none = np.zeros(len(baseline.reference.effects))
         return Judgement(
             "cannot_tell", rate, np.nan, nothing, (), (), (), parts, tuple(notes), none
@@ -92,7 +92,7 @@ def judge(
     ways = explanation.ways
     single = [group[0] for group in explanation.groups if all(group[0] in way for way in ways)]
     joints = tuple(j for j, name in enumerate(baseline.joints) if f"{FRICTION}{name}" in single)
-    parts = pd.DataFrame(_parts(baseline, tests, ways), columns=list(_COLUMNS))
+    parts = pd.DataFrame(_parts(baseline, tests, ways), columns=_COLUMNS)
     totals = parts[parts.part == "total"]
     is_blind = (totals.high_95 - totals.low_95) / 2 > _BLIND * baseline.level
     blind = [baseline.joints[j] for j in totals.joint[is_blind]]

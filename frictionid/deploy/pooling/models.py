@@ -63,7 +63,10 @@ def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ())
         raise InputError(f"pool: no parameter has two estimates; {'; '.join(sentences)}")
     document = Pooled(tuple(names), tuple(entries), tuple(sentences))
     return Friction(
-        *(first.law, theta, _common_parameters(models), _source(models, names, document)),
+        first.law,
+        theta,
+        _common_parameters(models),
+        _source(models, names, document),
         first.position_units,
         load_unit=first.load_unit,
     )
@@ -120,7 +123,14 @@ def entry(first: Friction, usable: Sequence[Row], title: str, joint: int | None)
         for pair in (effects.interval(0.9), effects.interval(), effects.range())
     )
     return PooledEstimate(
-        *(e.block, title, e.unit, joint, effects.mean, effects.error, inner, outer),
+        e.block,
+        title,
+        e.unit,
+        joint,
+        effects.mean,
+        effects.error,
+        inner,
+        outer,
         range_95=beyond,
         tau=effects.tau,
         tau_95=(effects.tau_low, effects.tau_high),

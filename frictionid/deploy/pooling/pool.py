@@ -68,18 +68,27 @@ class Pooled:
         p_value: heterogeneity; models: how many.
         """
         columns = (
-            *("block", "joint", "parameter", "unit", "value", "low_95", "high_95"),
-            *("range_low", "range_high", "tau", "tau_low", "tau_high", "Q", "p_value", "models"),
+            "block joint parameter unit value low_95 high_95 range_low range_high tau tau_low "
+            "tau_high Q p_value models"
         )
         lines = [
             (
-                *(e.block, 0 if e.joint is None else e.joint + 1, e.parameter),
-                *(e.unit, e.value, *e.interval_95, *e.range_95),
-                *(e.tau, *e.tau_95, e.Q, e.p_value, len(e.models)),
+                e.block,
+                0 if e.joint is None else e.joint + 1,
+                e.parameter,
+                e.unit,
+                e.value,
+                *e.interval_95,
+                *e.range_95,
+                e.tau,
+                *e.tau_95,
+                e.Q,
+                e.p_value,
+                len(e.models),
             )
             for e in self.several.parameters
         ]
-        return pd.DataFrame(lines, columns=list(columns))
+        return pd.DataFrame(lines, columns=columns.split())
 
     @property
     def left_out(self) -> tuple[str, ...]:

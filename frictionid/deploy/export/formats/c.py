@@ -41,8 +41,11 @@ def _language(real: str) -> ex.Language:
     names = {name: name for name in _CALLS} | {"absolute": "fabs", "arctan": "atan", "power": "pow"}
     syntax: dict[str, str | ex.Form] = {
         **{operation: f"{name}{end}(" for operation, name in names.items()},
-        **{"maximum": "max_of(", "minimum": "min_of(", "sign": "sign_of("},
-        **{"and": "&&", "or": "||"},
+        "maximum": "max_of(",
+        "minimum": "min_of(",
+        "sign": "sign_of(",
+        "and": "&&",
+        "or": "||",
         "not": ex.Form("!{}", ex.CALLED, (ex.CALLED,)),
         "select": ex.Form("{} ? {} : {}", ex.CHOSEN, (ex.EITHER,) * 3),
         "number": ex.Form(f"({real}){{}}", ex.CALLED, (ex.CALLED,)),

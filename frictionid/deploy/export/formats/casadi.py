@@ -15,8 +15,15 @@ with needs("export"):
     import casadi
 
 _NAMES = {
-    **{"absolute": "fabs", "arctan": "atan", "equal": "eq", "maximum": "fmax", "minimum": "fmin"},
-    **{"select": "if_else", "and": "logic_and", "or": "logic_or", "not": "logic_not"},
+    "absolute": "fabs",
+    "arctan": "atan",
+    "equal": "eq",
+    "maximum": "fmax",
+    "minimum": "fmin",
+    "select": "if_else",
+    "and": "logic_and",
+    "or": "logic_or",
+    "not": "logic_not",
 }
 _OPERATIONS = operations(casadi, _NAMES)
 

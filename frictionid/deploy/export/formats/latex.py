@@ -15,7 +15,8 @@ from ..exported import ExportedFriction, ExportSettings, Written
 _CLOSED = {"sqrt": r"\sqrt{{{}}}", "absolute": r"\left|{}\right|", "number": r"\left[{}\right]"}
 _NAMES = {
     **{name: rf"\{name}" for name in ("exp", "tanh", "arctan", "sin", "cos")},
-    **{"sign": r"\operatorname{{sgn}}", "log": r"\ln"},
+    "sign": r"\operatorname{{sgn}}",
+    "log": r"\ln",
 }
 _SYNTAX: dict[str, str | ex.Form] = {
     **_CLOSED,
@@ -25,7 +26,10 @@ _SYNTAX: dict[str, str | ex.Form] = {
     "divide": ex.Form(r"\frac{{{}}}{{{}}}", ex.MULTIPLIED, (ex.ANY, ex.ANY)),
     "power": ex.Form("{}^{{{}}}", ex.POWER, (ex.CALLED, ex.ANY)),
     "log1p": ex.Form(r"\ln\left(1 + {}\right)", ex.CALLED, (ex.MULTIPLIED,)),
-    **{"less_equal": r"\le", "equal": "=", "and": r"\wedge", "or": r"\vee"},
+    "less_equal": r"\le",
+    "equal": "=",
+    "and": r"\wedge",
+    "or": r"\vee",
     "not": ex.Form(r"\neg {}", ex.CALLED, (ex.CALLED,)),
     "select": r"\begin{{cases}}{1} & {0}\\ {2} & \text{{else}}\end{{cases}}",
     "truth": ex.Form(r"{} \ne 0", ex.EQUAL, (ex.COMPARED,)),

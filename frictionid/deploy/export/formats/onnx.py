@@ -23,9 +23,17 @@ with needs("export"):
 
 _OPSET = 17
 _NODES = {  # of operations whose node has not their name
-    **{"subtract": "Sub", "multiply": "Mul", "divide": "Div", "power": "Pow", "negative": "Neg"},
-    **{"absolute": "Abs", "arctan": "Atan", "maximum": "Max", "minimum": "Min"},
-    **{"less_equal": "LessOrEqual", "select": "Where"},
+    "subtract": "Sub",
+    "multiply": "Mul",
+    "divide": "Div",
+    "power": "Pow",
+    "negative": "Neg",
+    "absolute": "Abs",
+    "arctan": "Atan",
+    "maximum": "Max",
+    "minimum": "Min",
+    "less_equal": "LessOrEqual",
+    "select": "Where",
 }
 
 

@@ -20,8 +20,11 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     functions = ex.functions(model)
     code = {f.name: f.blocks(f"{f.name}_v") for f in functions}
     context = {
-        **{"real": real, "language": _language(settings.name, real), "code": code},
-        **{"comment": _comment, "functions": functions},
+        "real": real,
+        "language": _language(settings.name, real),
+        "code": code,
+        "comment": _comment,
+        "functions": functions,
     }
     text = ex.rendered("block.st.j2", model, settings, context)
     arguments = [*model.programs.inputs, *(["dt", "reset"] if model.programs.memory else [])]
@@ -41,10 +44,21 @@ def _language(name: str, real: str) -> ex.Language:
     """
     syntax: dict[str, str | ex.Form] = {
         **{helper: f"{name}_{helper}(" for helper in _HELPERS},
-        **{"absolute": "ABS(", "sqrt": "SQRT(", "log": "LN(", "arctan": "ATAN(", "sin": "SIN("},
-        **{"cos": "COS(", "power": "EXPT(", "maximum": "MAX(", "minimum": "MIN("},
-        **{"equal": "=", "and": "AND", "or": "OR"},
-        **{"not": "NOT (", "select": "SEL({0}, {2}, {1})", "number": "SEL({}, 0.0, 1.0)"},
+        "absolute": "ABS(",
+        "sqrt": "SQRT(",
+        "log": "LN(",
+        "arctan": "ATAN(",
+        "sin": "SIN(",
+        "cos": "COS(",
+        "power": "EXPT(",
+        "maximum": "MAX(",
+        "minimum": "MIN(",
+        "equal": "=",
+        "and": "AND",
+        "or": "OR",
+        "not": "NOT (",
+        "select": "SEL({0}, {2}, {1})",
+        "number": "SEL({}, 0.0, 1.0)",
         "truth": ex.Form("{} <> 0.0", ex.EQUAL, (ex.COMPARED,)),
     }
 
