@@ -152,8 +152,6 @@ def _mechanism(kind: str, values: dict[str, Any]) -> dict[str, Any]:
 
 def _motor(tables: Tables, machine: dict[str, Any], guesses: Known) -> Known:
     """The constants of motors whose currents are in the tables, asked for where not given."""
-    from dataclasses import replace
-
     from frictionid.quickstart.describe_tables import guess_tables
 
     if guesses.kt is not None or not _is_asked():
@@ -163,7 +161,7 @@ def _motor(tables: Tables, machine: dict[str, Any], guesses: Known) -> Known:
     kt = _number("kt, torque constant of the motor [N m/A]")
     asked = guesses.gear is None
     gear = _number("gear, turns of the motor for one of the joint") if asked else guesses.gear
-    return replace(guesses, kt=kt, gear=gear)
+    return guesses._replace(kt=kt, gear=gear)
 
 
 def _constants(option: str, text: str) -> float | list[float] | None:

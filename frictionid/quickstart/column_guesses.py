@@ -1,7 +1,6 @@
 """Which columns of a table are time, angles and torques, with what speaks for it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -46,8 +45,7 @@ class Guess(NamedTuple):
     evidence: str
 
 
-@dataclass(frozen=True)
-class ColumnGuesses:
+class ColumnGuesses(NamedTuple):
     """Guesses of all that a dataset.toml says of the columns.
 
     signs : 1 or -1 per joint, by quantity; hold : what the torque does between two samples
@@ -64,7 +62,7 @@ class ColumnGuesses:
     missing: int = 0
     header: bool = True
     split: Guess | None = None
-    signs: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    signs: Mapping[str, tuple[int, ...]] = {}
 
     @property
     def is_current(self) -> bool:
@@ -77,7 +75,7 @@ class ColumnGuesses:
         if not isinstance(self.angle.unit, str):
             length = unit in _LENGTHS
             units = tuple(unit if (u in _LENGTHS) == length else u for u in self.angle.unit)
-        return replace(self, angle=self.angle._replace(unit=units, evidence=evidence))
+        return self._replace(angle=self.angle._replace(unit=units, evidence=evidence))
 
 
 def guess_columns(

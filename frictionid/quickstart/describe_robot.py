@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import compress
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -137,7 +136,7 @@ def describe_robot(
             missing = tuple(said if text in factor else text for text in missing)
             key = "gear" if filled.gear is None else "kt"
             texts = (f"{gain.value * motor[key]:.3g}" for gain in gains.values() if gain)
-            draft = replace(draft, missing=missing, motor={**motor, key: [*map(float, texts)]})
+            draft = draft._replace(missing=missing, motor={**motor, key: [*map(float, texts)]})
     blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
     described = described_draft(draft, blind=blind)
     rest = _resting(described, columns.joints)
@@ -228,12 +227,12 @@ def _guesses(
     guesses = guess_columns(tables.first, driven, machine.position_units, named, kt=kt)
     if columns.guessed:
         guess = guesses.torque
-        guesses = replace(guesses, torque=guess._replace(evidence=LEFT_OVER + guess.evidence))
+        guesses = guesses._replace(torque=guess._replace(evidence=LEFT_OVER + guess.evidence))
     units = tuple("m" if unit == "m" else columns.unit for unit in machine.position_units)
     unit = units[0] if len(set(units)) == 1 else units
     angle = guesses.angle._replace(unit=unit, evidence=columns.evidence)
     used = {*columns.velocity, *columns.target, *names_of(columns.imu)}
-    return replace(guesses, angle=angle, unused=tuple(n for n in guesses.unused if n not in used))
+    return guesses._replace(angle=angle, unused=tuple(n for n in guesses.unused if n not in used))
 
 
 def _motor(columns: RobotColumns, guesses: ColumnGuesses, facts: Known) -> dict[str, Any]:
@@ -279,19 +278,19 @@ def _of_joints(facts: Known, keep: Sequence[bool]) -> Known:
     """With constants of some joints only, where each has its own."""
     each = facts.kt, facts.gear
     kt, gear = ([*compress(c, keep)] if isinstance(c, Sequence) else c for c in each)
-    return replace(facts, kt=kt, gear=gear)
+    return facts._replace(kt=kt, gear=gear)
 
 
 def _with_file(facts: Known, joints: Sequence[Joint]) -> Known:
     """With gears, P and D of the file where nobody said them, one P where all are the same."""
     gears = [joint.gear for joint in joints if joint.gear]
     if facts.gear is None and len(gears) == len(joints) and {*gears} != {1.0}:  # often a stand-in
-        facts = replace(facts, gear=gears)
+        facts = facts._replace(gear=gears)
     each = [joint.gains for joint in joints if joint.gains]
     if facts.gains or len(each) < len(joints):
         return facts
     P, D = (float(x[0]) if len({*x}) == 1 else list(x) for x in zip(*each, strict=True))
-    return replace(facts, gains=(P, D))
+    return facts._replace(gains=(P, D))
 
 
 def _limits(joints: Sequence[Joint]) -> Iterator[str]:

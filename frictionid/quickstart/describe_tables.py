@@ -5,7 +5,6 @@ Columns are guessed by names and numbers, signs by the physics.
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,8 +35,7 @@ OUTPUT = (
 )
 
 
-@dataclass(frozen=True)
-class Known:
+class Known(NamedTuple):
     """What is known of the tables: columns by quantity, and constants of the motors.
 
     kt : [N m/A]; gear : turns of the motor for one of the joint; one, or one per joint
@@ -45,7 +43,7 @@ class Known:
         targets
     """
 
-    columns: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    columns: Mapping[str, Sequence[str]] = {}
     kt: Constants | None = None
     gear: Constants | None = None
     gains: tuple[Constants, Constants] | None = None
@@ -210,7 +208,7 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
     motor = {"kt": facts.kt, "gear": gear} if guesses.is_current else {}
     machine = mechanism_of(mechanism)
     targets = targets_in(tables.first, facts, machine.n)
-    guesses = replace(guesses, unused=tuple(n for n in guesses.unused if n not in targets))
+    guesses = guesses._replace(unused=tuple(n for n in guesses.unused if n not in targets))
     missing: tuple[str, ...] = (GAINS,) if targets and facts.gains is None else ()
     if targets and (facts.kt, facts.gear) != (None, None):
         missing += (OUTPUT,)
@@ -252,11 +250,11 @@ def _corrected(draft: Draft, verdict: Verdict, *, blind: bool) -> Draft:
     late = [kinds[kind].text for kind in ("late_velocity", "wrong_velocity") if kind in kinds]
     if late and draft.velocity:
         said = tuple(f"velocities are left out: {text}" for text in late)
-        draft = replace(draft, velocity=(), evidence=(*draft.evidence, *said))
+        draft = draft._replace(velocity=(), evidence=(*draft.evidence, *said))
     if blind:
         return draft
     if draft.guesses.hold == TORQUE_HOLD and _is_sampled(verdict):
-        draft = replace(draft, guesses=replace(draft.guesses, hold="linear"))
+        draft = draft._replace(guesses=draft.guesses._replace(hold="linear"))
     fitting = [s for s in verdict.conventions if s.convention.kind in kinds]
     if not fitting:
         return draft
@@ -266,10 +264,10 @@ def _corrected(draft: Draft, verdict: Verdict, *, blind: bool) -> Draft:
     if guesses is None and motor is None:
         remark = f"frictionid check: {text}"
         repeated = remark in draft.evidence
-        return draft if repeated else replace(draft, evidence=(*draft.evidence, remark))
+        return draft if repeated else draft._replace(evidence=(*draft.evidence, remark))
     evidence = (*draft.evidence, f"corrected: {text}")
-    return replace(
-        draft, guesses=guesses or draft.guesses, motor=motor or draft.motor, evidence=evidence
+    return draft._replace(
+        guesses=guesses or draft.guesses, motor=motor or draft.motor, evidence=evidence
     )
 
 
@@ -313,11 +311,11 @@ def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses 
         return guesses.with_angle_unit(units[best.kind], "by the motion, see above")
     if best.kind in TORQUE_UNITS and guesses.torque.unit == "N m":
         torque = guesses.torque._replace(unit=best.kind, evidence="by the motion, see above")
-        return replace(guesses, torque=torque)
+        return guesses._replace(torque=torque)
     if best.kind not in ("flipped_angle", "flipped_torque", "flipped_joint"):
         return None
     diagonals = {"angle": best.angle, "torque": best.torque}
     before = {key: guesses.signs.get(key, 1) for key in diagonals}
     turned = {key: np.diag(d) * before[key] for key, d in diagonals.items()}
     signs = {key: tuple(int(s) for s in each) for key, each in turned.items()}
-    return replace(guesses, signs=signs)
+    return guesses._replace(signs=signs)

@@ -3,7 +3,6 @@
 import json
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,8 +28,7 @@ class Tables(NamedTuple):
     first: Table
 
 
-@dataclass(frozen=True)
-class Draft:
+class Draft(NamedTuple):
     """All that a first dataset.toml says.
 
     tables : of the recordings; mechanism : the [mechanism] table
@@ -49,7 +47,7 @@ class Draft:
     comments: Mapping[str, str]
     actuator: Mapping[str, Any]
     velocity: tuple[str, ...] = ()
-    base: Mapping[str, Any] = field(default_factory=dict)
+    base: Mapping[str, Any] = {}
     missing: tuple[str, ...] = ()
     evidence: tuple[str, ...] = ()
 

@@ -5,7 +5,6 @@ Columns are assigned by what their names share with the joints' names, or by the
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -82,8 +81,7 @@ def robot_file(path: Path) -> RobotFile:
     return RobotFile(files[0], kind, _READ[kind](files[0]))
 
 
-@dataclass(frozen=True)
-class RobotColumns:
+class RobotColumns(NamedTuple):
     """Joints that move, in the order of the robot, and a column of each quantity for each.
 
     base : link that is held where the file lets it go, or ""; imu : [base] where it moves
@@ -100,12 +98,12 @@ class RobotColumns:
     torque: tuple[str, ...] = ()
     velocity: tuple[str, ...] = ()
     target: tuple[str, ...] = ()
-    locked: Mapping[str, float] = field(default_factory=dict)
+    locked: Mapping[str, float] = {}
     silent: str = ""
     side: str = "joint"
     unit: str = "rad"
     evidence: str = ""
-    imu: Mapping[str, Any] = field(default_factory=dict)
+    imu: Mapping[str, Any] = {}
     guessed: bool = False
 
 
