@@ -227,4 +227,4 @@ def _prepared(
         if not fewer or len(protocol.horizons) == 1:
             raise
         protocol = with_changes(protocol, horizons=protocol.horizons[:-1])
-        return _prepared(with_changes(benchmark, protocol=protocol), methods, jobs, fewer=True)
+        return _prepared(benchmark._replace(protocol=protocol), methods, jobs, fewer=True)

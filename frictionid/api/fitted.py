@@ -27,7 +27,7 @@ from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
 from frictionid.report.numbers import estimate_frame
 
-from .evaluate import evaluate, predict
+from .evaluate import HORIZONS, evaluate, predict
 from .models import dataset_of, numbers
 
 PLOTS = ("friction", "motion", "correlation")
@@ -180,7 +180,7 @@ class Fit(Shown):
     def score(
         self,
         test: Any,
-        horizons: Sequence[float] = (0.1, 0.25, 0.5, 1.0),
+        horizons: Sequence[float] = HORIZONS,
         *,
         sample_time: float | None = None,
         whole: bool = False,

@@ -6,7 +6,6 @@ friction of all data with them, and each is scored on what it was not fitted to.
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -114,13 +113,12 @@ class Result(NamedTuple):
         return score_value(self.scores, score, statistic, horizon, joint)
 
 
-@dataclass(frozen=True, eq=False)
-class Benchmark:
+class Benchmark(NamedTuple):
     """A data set with its folds, and data sets that only test what was fitted to it."""
 
     dataset: Dataset
     folds: Folds
-    protocol: Protocol = field(default_factory=Protocol)
+    protocol: Protocol = Protocol()
     tests: tuple[Dataset, ...] = ()
 
 

@@ -7,7 +7,6 @@ declared there and nowhere else.
 import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_type_hints
 
@@ -66,8 +65,7 @@ class Choice(NamedTuple):
     parts: tuple[Part, ...]
 
 
-@dataclass(frozen=True)
-class Kind:
+class Kind(NamedTuple):
     """What tables of a kind make: an object of dataclasses, or functions, one within the other.
 
     The first argument of each part takes what the next part makes. All other arguments are settings

@@ -346,7 +346,7 @@ def benchmarks_of(
     benchmarks = [_benchmark(suite, entry, loaded) for entry in suite.datasets]
     # all by one protocol, so that tables have the same horizons
     protocol = protocol_for(suite.protocol, [(b.dataset, b.folds) for b in benchmarks])
-    benchmarks = [replace(benchmark, protocol=protocol) for benchmark in benchmarks]
+    benchmarks = [benchmark._replace(protocol=protocol) for benchmark in benchmarks]
     distinct([d.name for b in benchmarks for d in (b.dataset, *b.tests)], "data sets")
     return benchmarks
 

@@ -4,7 +4,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -163,7 +163,7 @@ class NestedData:
             protocol = protocol_for(self.tuning.objective, outer.protocol)
             gap = outer.folds.gap or Split().gap
             inner = Split(self.tuning.folds, "recordings", gap, self.tuning.seed)
-            nested = training_benchmark(replace(outer, protocol=protocol), fold, inner)
+            nested = training_benchmark(outer._replace(protocol=protocol), fold, inner)
             self._benchmarks[key] = nested
         return self._benchmarks[key]
 
@@ -178,7 +178,7 @@ class NestedData:
             self._prepared[key] = prepare_benchmark(benchmark, [task.recipe])
         shared = self._prepared[key]
         if not tests:
-            benchmark, shared = replace(benchmark, tests=()), shared._replace(tests=())
+            benchmark, shared = benchmark._replace(tests=()), shared._replace(tests=())
         return task.task(benchmark, settings), shared, self.tuning.objective
 
 

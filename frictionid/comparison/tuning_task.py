@@ -84,7 +84,7 @@ def tuning_tasks(
         recipes = recipes_of(suite.recipes, folder)
         for entry in entries:
             _check_space(entry, folder, recipes, trust)
-        benchmarks = [replace(b, tests=()) for b in benchmarks_of(suite, folder, data, trust=trust)]
+        benchmarks = [b._replace(tests=()) for b in benchmarks_of(suite, folder, data, trust=trust)]
         tasks = [
             TuningTask(benchmark, entry.label, entry, recipe, suite.seeds[0], folder)
             for dataset, benchmark in zip(suite.datasets, benchmarks, strict=True)

@@ -44,11 +44,6 @@ class Chart(NamedTuple):
     frames: list[dict[str, Any]] = []
     height: int = 340
 
-    @property
-    def document(self) -> dict[str, Any]:
-        """What Plotly draws."""
-        return {"data": self.data, "layout": self.layout, "frames": self.frames}
-
 
 @cache
 def plotly_script() -> bytes:

@@ -134,6 +134,7 @@ def _with_error(verdict: Verdict, name: str) -> str:
 MOVING, RESTING = style.COLOURS[:2]
 RECORDINGS = 3  # shown over time
 ABREAST = 3  # joints side by side
+_ZERO: Mapping[str, Any] = {"color": style.PALE, "linewidth": 0.6, "zorder": 0}
 
 
 def picture_paths(folder: Path) -> list[Path]:
@@ -161,7 +162,7 @@ def _coverage(verdict: Verdict) -> Any:
         still = np.abs(w[:, j]) < fact.rest_speed
         for which, colour in ((~still, MOVING), (still, RESTING)):
             axes.scatter(q[which, j], w[which, j], s=size, color=colour, lw=0, rasterized=True)
-        axes.axhline(0.0, color=style.PALE, linewidth=0.6, zorder=0)
+        axes.axhline(0.0, **_ZERO)
         axes.set_title(f"joint {j + 1}: {100 * fact.at_rest:.0f} % of the time at rest", loc="left")
         axes.set(xlabel=f"q{j + 1} [{units[j]}]", ylabel=f"w{j + 1} [{units[j]}/s]")
     style.key_above(
@@ -212,8 +213,8 @@ def _residual(verdict: Verdict) -> Any:
     mechanism = _mechanism(verdict)
     picture, panels = style.panel_grid(len(verdict.joints), ABREAST, 2.4, 0.35)
     for j, axes in enumerate(panels):
-        axes.axhline(0.0, color=style.PALE, linewidth=0.6, zorder=0)
-        axes.axvline(0.0, color=style.PALE, linewidth=0.6, zorder=0)
+        axes.axhline(0.0, **_ZERO)
+        axes.axvline(0.0, **_ZERO)
         axes.set_xlabel(f"w{j + 1} [{mechanism.velocity_units[j]}]")
         axes.set_ylabel(f"residual torque [{mechanism.torque_units[j]}]")
         axes.set_title(f"joint {j + 1}", loc="left")

@@ -80,7 +80,10 @@ def summary_table(
     shown = summary.horizons[-2:] if detail in (LAST, BRIEF) else summary.horizons
     parts += [_rollout(summary, h, full=detail == FULL or h == shown[-1]) for h in shown]
     parts += [_rollout(summary, h, TRUE_START) for h in _true_starts(summary)]
-    parts += [*_free_run(summary), *_curves(summary)]
+    if frame["free_run_mean"].notna().any():
+        column, places = Column("mean", "free run", summary.unit), decimals(frame["free_run_mean"])
+        parts.append(_with_best(summary, column, "free_run_mean", places))
+    parts += _curves(summary)
     if detail != BRIEF:
         parts.append((Column("parameters"), [fixed(v, 0) for v in frame["n_parameters"]]))
     if "implausible" in frame:
@@ -148,12 +151,6 @@ def _true_starts(summary: Summary) -> list[float]:
     """Horizons of the predictions from true states that are shown: the last, where it has any."""
     last = summary.horizons[-1:]
     return [h for h in last if summary.frame[rollout(h, "median", TRUE_START)].notna().any()]
-
-
-def _free_run(summary: Summary) -> list[Part]:
-    name, column = "free_run_mean", Column("mean", "free run", summary.unit)
-    values = summary.frame[name]
-    return [] if values.isna().all() else [_with_best(summary, column, name, decimals(values))]
 
 
 def _curves(summary: Summary) -> list[Part]:

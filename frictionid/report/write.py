@@ -143,7 +143,8 @@ def document_of(chart: Chart) -> str:
     >>> document_of(Chart("", "", [{"name": "</script>"}], {}))
     '{"data":[{"name":"\\u003c/script\\u003e"}],"layout":{},"frames":[]}'
     """
-    text = json.dumps(plain(chart.document, infinity=None), allow_nan=False, separators=(",", ":"))
+    drawn = {key: getattr(chart, key) for key in ("data", "layout", "frames")}
+    text = json.dumps(plain(drawn, infinity=None), allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 

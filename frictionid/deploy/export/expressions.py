@@ -8,7 +8,6 @@ import operator
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from frictionid.programs.program import OPERATIONS, Line, Operand, Program, Value
@@ -39,8 +38,7 @@ def operations(library: Any, names: Mapping[str, str]) -> dict[str, Callable[...
     return {**_OPERATORS, **functions}
 
 
-@dataclass(frozen=True, slots=True)
-class Node:
+class Node(NamedTuple):
     """An operation on expressions.
 
     Beside those of programs there are `number`, 1 or 0 of a truth, and `truth`, of a number.

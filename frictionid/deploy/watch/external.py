@@ -113,11 +113,11 @@ class ExternalTorque:
 
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
-        """Stretches in which the band of a joint excludes zero."""
-        return tuple(self._contacts())
+        """Stretches in which the band of a joint excludes zero.
 
-    def _contacts(self) -> Iterator[Contact]:
-        """Those of each recording and joint; one where they are closer than the response."""
+        Those that are closer than the response are one.
+        """
+        contacts = []
         for name, time, torque, band in self._recordings:
             for j, joint in enumerate(self.joints):
                 size = np.abs(torque[:, j])
@@ -127,7 +127,8 @@ class ExternalTorque:
                     if len(rows):
                         begin, end = time[rows[[0, -1]]].tolist()
                         most = float(torque[rows[size[rows].argmax()], j])
-                        yield Contact(name, begin, end, joint, most)
+                        contacts.append(Contact(name, begin, end, joint, most))
+        return tuple(contacts)
 
     @property
     def _recordings(self) -> Iterator[tuple[str, Array, Array, Array]]:

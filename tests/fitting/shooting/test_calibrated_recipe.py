@@ -67,7 +67,7 @@ def test_a_fold_of_a_corrected_fit_never_sees_its_held_out_recordings(results):
     recordings = list(benchmark.dataset.recordings)
     for i in held:
         recordings[i] = tiny.disturbed(recordings[i], 0.3)
-    other = replace(benchmark, dataset=replace(benchmark.dataset, recordings=tuple(recordings)))
+    other = benchmark._replace(dataset=replace(benchmark.dataset, recordings=tuple(recordings)))
     again = run(other, RUBS, CORRECTED)
     assert again.friction.calibration.delay[1] == corrected.friction.calibration.delay[1]
     assert_array_equal(again.friction.theta[1], corrected.friction.theta[1])
@@ -86,7 +86,7 @@ def test_shuffled_folds_share_the_rig_of_all_data_and_one_fit():
 def test_the_built_in_calibration_is_right_within_its_intervals():
     benchmark = late_contest()
     heavy = replace(benchmark.dataset, mechanism=tiny.heavier(1.2))
-    data = prepare_benchmark(replace(benchmark, dataset=heavy), [CALIBRATED.by]).training
+    data = prepare_benchmark(benchmark._replace(dataset=heavy), [CALIBRATED.by]).training
     overall = CALIBRATED.estimate(data, -1)
     covariance = overall.covariance
     names = [p.name for p in covariance.parameters]

@@ -80,7 +80,7 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
         replace(r, angle=r.angle._replace(value=0.9 * r.angle.value)) if i in held else r
         for i, r in enumerate(dataset().recordings)
     )
-    other = replace(benchmark(), dataset=replace(dataset(), recordings=changed))
+    other = benchmark()._replace(dataset=replace(dataset(), recordings=changed))
     again = run(other, LeastSquares(CoulombViscous()), BOTH)
     error = result.refined.covariance.error[:2]
     off = np.abs(again.friction.theta[fold] - result.friction.theta[fold])[0]
