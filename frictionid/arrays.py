@@ -66,6 +66,15 @@ def usual_step(time: Array) -> float:
     return float(np.median(np.diff(time)))
 
 
+def evenly(count: int, most: int) -> Array:
+    """Indices of at most so many of `count` things, the first and the last among them.
+
+    >>> evenly(10, 4)
+    array([0, 3, 6, 9])
+    """
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int))
+
+
 def rows_by(label: Array) -> list[Array]:
     """Rows of each label (K,), in the order of the labels, sorted once: masks are quadratic.
 

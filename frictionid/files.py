@@ -152,6 +152,11 @@ def finite_json(document: Any) -> str:
     return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
 
 
+def csv_text(frame: Any) -> str:
+    """A frame as CSV; numbers have nine digits."""
+    return str(frame.to_csv(index=False, float_format="%.9g"))
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Document of a JSON file.
 

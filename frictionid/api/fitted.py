@@ -300,8 +300,7 @@ class Fit(Shown):
             source = self.friction.provenance.dataset
             where = f" to {source!r}, from a file" if source else ", from a file"
         else:
-            recordings = self.data.recordings
-            seconds = sum(r.angle.duration for r in recordings)
+            recordings, seconds = self.data.recordings, self.data.seconds
             several = "s" * (len(recordings) > 1)
             where = f" to {self.data.name!r}: {len(recordings)} recording{several}, {seconds:.3g} s"
         apart = self.friction.provenance.sample_time

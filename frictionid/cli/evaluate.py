@@ -36,7 +36,7 @@ def evaluate(
     from frictionid.api.evaluate import file_labels, scores_of, training_notes
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.evaluation import Protocol
-    from frictionid.files import write_text
+    from frictionid.files import csv_text, write_text
     from frictionid.friction.model_files import load_model, model_paths
     from frictionid.outputs import check_outputs
     from frictionid.report import show_scores, show_torque_left
@@ -60,7 +60,7 @@ def evaluate(
     with counted(len(models), f"evaluating ({dataset.name})") as done:
         table = scores_of(frictions, dataset, protocol, done, named)
     if out is not None:
-        write_text(out, table.to_csv(index=False, float_format="%.9g"))
+        write_text(out, csv_text(table))
     if json:
         print(table.to_json(orient="records", indent=1))
         return
@@ -101,7 +101,7 @@ def predict(
     whole : Whole recordings from their start instead.
     """
     from frictionid.data.readers.dataset import dataset_files
-    from frictionid.files import write_bytes
+    from frictionid.files import csv_text, write_bytes, write_text
     from frictionid.friction.model_files import load_model
     from frictionid.outputs import check_outputs
 
@@ -114,7 +114,7 @@ def predict(
             import pyarrow  # noqa: F401 (pandas writes by it)
         write_bytes(out, table.to_parquet(index=False))
     else:
-        write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())
+        write_text(out, csv_text(table))
     starts = len(table[["recording", "start_s"]].drop_duplicates())
     counts = {"predictions": starts, "lines": len(table)}
     show(f"{starts} predictions, {len(table)} lines", counts, [out], json=json)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, evenly
 from frictionid.check import source_sentences, torque_sources
 from frictionid.check.motion import motions_of
 from frictionid.check.torque_speed import limit_findings, torque_speeds
@@ -243,7 +243,7 @@ def replayed(friction: Friction, dataset: Dataset) -> tuple[Dataset, list[Array]
     smoothed = EstimatedStates(dataset).by(INTEGRAL.states)
     each = zip(dataset.recordings, smoothed, _noises(dataset), strict=True)
     cut = [(*piece, noise) for r, states, noise in each for piece in _pieces(r, states)]
-    cut = [cut[i] for i in np.unique(np.linspace(0, len(cut) - 1, MOST).round().astype(int))]
+    cut = [cut[i] for i in evenly(len(cut), MOST)]
     pieces = replace(dataset, recordings=tuple(piece for piece, _, _ in cut), truth=None)
     trajectory = make_trajectory(pieces, [states for _, states, _ in cut])
     q = free_run(plant_of(pieces), friction[None][np.zeros(len(cut), dtype=int)], trajectory)

@@ -32,7 +32,7 @@ from frictionid.evaluation import (
     true_friction,
 )
 from frictionid.evaluation.curves import slow_speed
-from frictionid.files import json_text
+from frictionid.files import csv_text, json_text
 from frictionid.fitting.fit import recordings_own
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import Provenance, read_provenance
@@ -99,7 +99,7 @@ def _about(prepared: Prepared) -> dict[str, Any]:
         "position_units": list(mechanism.friction_units),
         "recordings": len(dataset.recordings),
         "samples": sum(len(r.angle.time) for r in dataset.recordings),
-        "seconds": sum(r.angle.duration for r in dataset.recordings),
+        "seconds": dataset.seconds,
         "velocity": grid,
         "measured": [w.min(axis=0), w.max(axis=0)],
         "truth": truth,
@@ -290,7 +290,7 @@ def reduction(results: Results) -> dict[str, bytes]:
         columns=[*keys, "part", "seconds"],
     )
     texts = {
-        "scores.csv": results.scores.to_csv(index=False, float_format="%.9g"),
+        "scores.csv": csv_text(results.scores),
         "timings.csv": timings.to_csv(index=False, float_format="%.3f"),
     }
     for task in results.tasks:

@@ -227,7 +227,7 @@ def _run(case: Case, grid: Array) -> dict[str, Any]:
         "velocity": grid,
         "curves": estimate,
         "curve_error": error,
-        "seconds": sum(r.angle.duration for r in wrong.recordings),
+        "seconds": wrong.seconds,
     }
 
 

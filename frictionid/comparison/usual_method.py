@@ -73,6 +73,5 @@ def usual_sample_time(dataset: Dataset, method: str) -> float | None:
 def time_between_samples(dataset: Dataset, most: int) -> float | None:
     """Time [s] between samples that leaves so many of all joints, or 0.01; None: all of them."""
     usual, joints = usual_interval(dataset), np.shape(dataset.recordings[0].angle.value)[1]
-    seconds = sum(r.angle.duration for r in dataset.recordings)
-    apart = max(usual, min(seconds * joints / most, _COARSEST))
+    apart = max(usual, min(dataset.seconds * joints / most, _COARSEST))
     return apart if apart > 1.5 * usual else None

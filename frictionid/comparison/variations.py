@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, evenly
 from frictionid.config import NonEmpty, Positive, Strict
 from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.recordings import Dataset, Recording
@@ -192,7 +192,7 @@ def with_samples(recording: Recording, chosen: Callable[[Signal], Array]) -> Rec
 def _with_fewer(dataset: Dataset, variation: Variation) -> Dataset:
     """A share of the recordings, spread evenly over their order."""
     count = max(1, round(variation.amount * len(dataset.recordings)))
-    chosen = np.linspace(0, len(dataset.recordings) - 1, count).round().astype(int)
+    chosen = evenly(len(dataset.recordings), count)
     return replace(dataset, recordings=tuple(dataset.recordings[i] for i in chosen))
 
 

@@ -97,6 +97,11 @@ class Dataset:
         return joint_scales(self.mechanism.position_units, [r.angle for r in self.recordings])
 
     @property
+    def seconds(self) -> float:
+        """Length of all recordings [s]."""
+        return sum(r.angle.duration for r in self.recordings)
+
+    @property
     def driven_joints(self) -> list[int]:
         """Joints (from 0) with a motor."""
         return [j for j, motor in enumerate(self.mechanism.driven) if motor]
@@ -114,10 +119,9 @@ class Dataset:
     def __repr__(self) -> str:
         recordings = self.recordings
         joints = column_count(recordings[0].angle)
-        span = sum(r.angle.duration for r in recordings)
         return (
             f"Dataset({self.name!r}: {len(recordings)} recording{'s' * (len(recordings) > 1)}, "
-            f"{joints} joint{'s' * (joints > 1)}, {span:g} s)"
+            f"{joints} joint{'s' * (joints > 1)}, {self.seconds:g} s)"
         )
 
     def _repr_html_(self) -> str:

@@ -80,7 +80,7 @@ def compensate(
     limit : Largest torque [N m].
     speed : Greatest measured speed [rad/s], the table's last; once, or for each joint.
     """
-    from frictionid.files import write_bytes
+    from frictionid.files import csv_text, write_text
     from frictionid.friction.model_files import load_model
     from frictionid.outputs import check_outputs
 
@@ -102,7 +102,7 @@ def compensate(
             raise InputError(f"{model}: the measured speeds are not known; give --speed")
         check_outputs([out], [model], replace=replace)
         table = fid.compensation_table(friction, settings, speeds)
-        write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())
+        write_text(out, csv_text(table))
         lost, notes = lost_in_table(exported(torque), table_error(torque, table)), (TABLE_USE,)
         written = (out,)
     show("\n".join((*lost, *notes)), {"lost": lost, "notes": notes}, written, json=json)

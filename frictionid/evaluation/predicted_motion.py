@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, evenly
 from frictionid.data.joint_scales import TURN, are_mixed, joint_sizes, norm_of
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.closed_loop import closed_loop
@@ -248,7 +248,7 @@ def example(q: Array, initial: InitialStates, prepared: Prepared, s: int) -> dic
 def _drawing(prepared: Prepared, motion: dict[str, Any]) -> dict[str, Any]:
     """Lines of the mechanism (f, k, 2 or 3) at some of a motion's times; nothing without them."""
     time = motion["time"]
-    frames = np.unique(np.linspace(0, len(time) - 1, FRAMES).round().astype(int))
+    frames = evenly(len(time), FRAMES)
     mechanism = prepared.dataset.mechanism
     measured, predicted = (
         mechanism.points(motion[name][frames]) for name in ("measured", "predicted")

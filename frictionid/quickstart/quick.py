@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, evenly
 from frictionid.check import check
 from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
 from frictionid.comparison.suite import IdentifierEntry, identifier_named
@@ -163,7 +163,7 @@ def quick(dataset: Dataset, done: Done = say_nothing) -> Quick:
     kept = () if chosen.refined is None else (e.block for e in chosen.refined.parameters)
     return Quick(
         check=verdict,
-        seconds=sum(r.angle.duration for r in part.recordings),
+        seconds=part.seconds,
         horizon=horizon,
         free=tuple(dict.fromkeys(["friction", *kept])),
         folds=moving,
@@ -189,7 +189,7 @@ def shortened(dataset: Dataset, samples: int) -> tuple[Dataset, float | None]:
     if spans.sum() <= seconds:
         return dataset, sample_time
     count = int(np.clip(seconds / min(spans.mean(), _LONG), min(_FEWEST, len(spans)), len(spans)))
-    chosen = np.unique(np.linspace(0, len(spans) - 1, count).round().astype(int))
+    chosen = evenly(len(spans), count)
     each = max(seconds / len(chosen), _SHORTEST)
     several = [dataset.recordings[i] for i in chosen]
     begins = [max(min(_rest(r), r.angle.duration - each), 0.0) for r in several]

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, evenly
 
 from .figures.curves import curve_and_band, density_heights
 from .figures.motion import limits_of
@@ -106,11 +106,6 @@ def axis(title: str, changes: Mapping[str, Any]) -> dict[str, Any]:
     return {"title": {"text": escape(title)}, **changes}
 
 
-def thinned(count: int, most: int = MOST) -> Array:
-    """Indices of at most so many of `count` things, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
-
-
 # --- Friction over velocity -----------------------------------------------------------------------
 
 
@@ -140,7 +135,7 @@ def _friction_chart(
         traces += _curve(model, data, joint, styles[model.label], group, folds=i == 0)
     if data.truth is not None:
         drawn = {"color": DARK, "width": 1.6, "dash": "dash"}
-        few = thinned(len(w))
+        few = evenly(len(w), MOST)
         traces.append(line(w[few], data.truth[few, joint], "truth", {"line": drawn, **FRICTION}))
     edges, heights = density_heights(data, joint)
     area = {"line": {"width": 0, "shape": "hv"}, "fill": "tozeroy", "fillcolor": PALE}
@@ -172,9 +167,9 @@ def _curve(
 ) -> list[dict[str, Any]]:
     """Line of a model with its 95 % band by shooting, else by the folds, and lines of the folds."""
     w, curves = data.velocity[:, joint], model.curves[..., joint]
-    few = thinned(len(w))
+    few = evenly(len(w), MOST)
     x, middle, half = curve_and_band(model, data, joint)
-    places = thinned(len(x))
+    places = evenly(len(x), MOST)
     traces = band(x[places], middle[places], half[places], style.colour, group)
     thin = {"color": pale(style.colour, 0.4), "width": 0.7}
     for fold in curves[:-1, few] if folds else ():
@@ -203,7 +198,7 @@ def motion_chart(example: Example, data: DataDescription, style: Style) -> Chart
     widths = example.get("band")
     half = np.zeros_like(motions[0]) if widths is None else widths
     banded = bool(half.any())  # not of fixed numbers, the same in every fold
-    few, traces = thinned(len(time), MOST_SAMPLES), []
+    few, traces = evenly(len(time), MOST_SAMPLES), []
     axes: dict[str, Any] = {}
     for j, name in enumerate(data.joints[:n]):
         panel = {"xaxis": "x", "yaxis": f"y{j + 1}"}

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from frictionid.files import file_names
+from frictionid.files import csv_text, file_names
 from frictionid.friction.provenance import Estimates
 
 from .figures.curves import curve_bands, friction_curves
@@ -64,7 +64,7 @@ class NamedTable(NamedTuple):
         """The table as Markdown and LaTeX, and its numbers as CSV, by path."""
         texts = {"md": markdown(self.table), "tex": latex(self.table)}
         if self.numbers is not None:
-            texts["csv"] = self.numbers.to_csv(index=False, float_format="%.9g")
+            texts["csv"] = csv_text(self.numbers)
         return {f"tables/{self.stem}.{kind}": text.encode() for kind, text in texts.items()}
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from frictionid.comparison.search_space import Objective, text_of
 from frictionid.comparison.tuning import Study, best_of, by_task, chosen_suite, own_modules
-from frictionid.files import file_names, json_text
+from frictionid.files import csv_text, file_names, json_text
 from frictionid.outputs import replace_files
 
 from .exhibits import NamedTable
@@ -57,7 +57,7 @@ def write_sensitivity(
     replace : write also over files that were changed since
     """
     contents = {
-        FRAME: frame.to_csv(index=False, float_format="%.9g").encode(),
+        FRAME: csv_text(frame).encode(),
         PROVENANCE: json_text(dict(provenance)).encode(),
     }
     parts = dict(studies(frame))
@@ -114,7 +114,7 @@ def write_outcome(
 
     replace : write also over files that were changed since
     """
-    texts = {"trials.csv": trials_of(studies).to_csv(index=False, float_format="%.9g")}
+    texts = {"trials.csv": csv_text(trials_of(studies))}
     datasets = []
     by_dataset: dict[str, list[Study]] = {}
     for study in studies:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.arrays import Array, joined
+from frictionid.arrays import Array, evenly, joined
 from frictionid.files import json_text
 from frictionid.outputs import replace_files
 from frictionid.report.figures import style
@@ -180,7 +180,7 @@ def _drift(monitored: Monitored) -> Any:
     if arrivals:
         new = joined([a.changes for a in arrivals])
     healthy = baseline.changes
-    shown = np.unique(np.linspace(0, len(healthy.value) - 1, _MOST).round().astype(int))
+    shown = evenly(len(healthy.value), _MOST)
     old, now = np.arange(-len(shown), 0), np.arange(len(new.value))
     n = len(baseline.joints)
     rows = n + len(baseline.covariates) + bool(arrivals)

@@ -8,6 +8,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
+from frictionid.files import csv_text
 from frictionid.friction import at_rest
 from frictionid.friction.laws import Cogging
 from frictionid.friction.laws.combined import CombinedLaw
@@ -33,9 +34,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     ]
     heads = [f"angle [{unit}]", *(f"{name} [{force}]" for name in model.joints)]
     frame = pd.DataFrame(np.column_stack([angle, torque]), columns=heads)
-    table = "\n".join(
-        [*(f"# {line}" for line in about), frame.to_csv(index=False, float_format="%.9g")]
-    )
+    table = "\n".join([*(f"# {line}" for line in about), csv_text(frame)])
     end = "f" if settings.precision == "float" else ""
     context = {"end": end, "about": about, "comment": comment, "torque": torque, "period": period}
     header = rendered("cogging.h.j2", model, settings, context)
