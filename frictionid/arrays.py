@@ -66,6 +66,12 @@ def usual_step(time: Array) -> float:
     return float(np.median(np.diff(time)))
 
 
+def rms(x: Array, axis: int | tuple[int, ...] | None = None) -> Array:
+    """Root mean square over some axes, or of all numbers."""
+    out: Array = np.sqrt(np.mean(np.square(x), axis=axis))
+    return out
+
+
 def evenly(count: int, most: int) -> Array:
     """Indices of at most so many of `count` things, the first and the last among them.
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, solve
+from frictionid.arrays import Array, rms, solve
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import LARGEST
@@ -195,7 +195,7 @@ def lowest_dissipation(velocity: Array, torque: Array) -> Array:
     """
     use = np.abs(velocity) >= slow_speed(np.abs(velocity).max(axis=0))
     against = np.where(use, torque * np.sign(velocity), np.inf).min(axis=-2)
-    return against / _size(torque)
+    return against / torque_size(torque)
 
 
 def asymmetry(velocity: Array, torque: Array) -> Array:
@@ -207,7 +207,7 @@ def asymmetry(velocity: Array, torque: Array) -> Array:
     """
     half = len(velocity) // 2
     both = 0.5 * (torque[..., ::-1, :][..., :half, :] + torque[..., :half, :])
-    return both.mean(axis=-2) / _size(torque)
+    return both.mean(axis=-2) / torque_size(torque)
 
 
 def tail_drop(velocity: Array, torque: Array) -> Array:
@@ -223,7 +223,7 @@ def tail_drop(velocity: Array, torque: Array) -> Array:
         size[..., inner, joints] - size[..., 0, :],
         size[..., last - inner, joints] - size[..., last, :],
     ]
-    return np.maximum(*drops) / _size(torque)
+    return np.maximum(*drops) / torque_size(torque)
 
 
 def cycle_work(velocity: Array, torque: Array) -> Array:
@@ -235,7 +235,7 @@ def cycle_work(velocity: Array, torque: Array) -> Array:
     >>> cycle_work(w, 0.2 * np.sign(w)).round(2), cycle_work(w, -0.2 * w).round(2)
     (np.float64(1.0), np.float64(-1.11))
     """
-    size = np.sqrt(np.mean(torque**2, axis=-1))
+    size = rms(torque, -1)
     most = np.where(size > 0, size, np.inf) * np.mean(np.abs(velocity))
     return np.mean(torque * velocity, axis=-1) / most
 
@@ -254,7 +254,7 @@ def dissipated(problem: Problem, residual: Array, use: Array) -> Array:
     return problem.dt[use] * (w * torque).sum(axis=-1)
 
 
-def _size(torque: Array) -> Array:
+def torque_size(torque: Array) -> Array:
     """Root mean square over the velocities (..., n); infinite where there is no torque."""
-    size = np.sqrt(np.mean(np.square(torque), axis=-2))
+    size = rms(torque, -2)
     return np.where(size > 0, size, np.inf)

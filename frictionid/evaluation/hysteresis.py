@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rms
 from frictionid.config import NonEmpty, Positive, Strict
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, along
@@ -67,7 +67,7 @@ class HysteresisLoop(NamedTuple):
     def share(self) -> float:
         """Mean width over the folds in units of the torque's RMS."""
         width = abs(self.width[self.folds].mean())
-        size = np.sqrt(np.mean(self.torque[self.folds] ** 2))
+        size = rms(self.torque[self.folds])
         return float(width / max(size, 1e-300))
 
     @property
@@ -195,7 +195,7 @@ def loop_lag(torque: Array, period: float) -> Array:
     0.015
     """
     size = torque.shape[-1]
-    level = np.sqrt(np.mean(torque**2, axis=-1))
+    level = rms(torque, -1)
     c = np.fft.rfft(torque - torque.mean(axis=-1, keepdims=True), axis=-1)[..., 1:] / size
     k = np.arange(1, c.shape[-1] + 1)
     shift = np.linspace(-0.25, 0.25, _TRIALS + 1)  # of a period

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rms
 from frictionid.data.joint_scales import norm_of
 from frictionid.errors import InputError
 
@@ -108,7 +108,7 @@ def summarise(errors: Array, score: Score) -> Iterator[Score]:
     """Mean, rms, median and 90 % quantile of absolute errors (N,), all finite."""
     statistics = {
         "mean": np.mean(errors),
-        "rms": np.sqrt(np.mean(errors**2)),
+        "rms": rms(errors),
         "median": np.median(errors),
         "q90": np.quantile(errors, 0.9),
     }

@@ -6,7 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.curves import asymmetry, cycle_work, lowest_dissipation, tail_drop
+from frictionid.evaluation.curves import (
+    asymmetry,
+    cycle_work,
+    lowest_dissipation,
+    tail_drop,
+    torque_size,
+)
 from frictionid.evaluation.reference_model import Factor
 from frictionid.evaluation.statistics import FEWEST, correlated_test
 
@@ -179,8 +185,7 @@ def _break_away(model: Model, joints: _Joints) -> _Answer:
     if model.beyond is None:
         return NOT_EVALUATED, "the folder has no break-away levels"
     levels = model.beyond.break_away.min(axis=1)
-    size = np.sqrt(np.mean(np.square(model.curves), axis=1))
-    worst = _worst(levels / np.where(size > 0, size, np.inf), joints, np.argmin)
+    worst = _worst(levels / torque_size(model.curves), joints, np.argmin)
     if worst.value < DRIVES:
         return FAILED, f"drives a joint at rest: {worst.text}", *worst[:3]
     if worst.value < WEAK and not model.loops:

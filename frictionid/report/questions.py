@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from frictionid.arrays import rms
+from frictionid.evaluation.curves import torque_size
+
 from .candidates import Candidate, Measure, contrast, family, under
 from .memory import has_memory
 from .numbers import MINUS, factor, percent
@@ -195,9 +198,7 @@ def _curve(asked: Asked) -> Answer:
     if not np.isfinite(model.curves).all() or len(folds) < 2:
         return _nothing(f"{model.name} has no friction curve.")
     middle = folds.mean(axis=0)
-    size = np.sqrt(np.mean(np.square(middle), axis=0))
-    off = np.sqrt(np.mean(np.square(folds - middle), axis=(0, 1)))
-    scatter = float(np.max(off / np.where(size > 0, size, np.inf)))
+    scatter = float(np.max(rms(folds - middle, (0, 1)) / torque_size(middle)))
     errors = [e for e in data.curve_errors(model) if np.isfinite(e)]
     evidence = {"scatter": scatter} | {f"error_{j}": e for j, e in enumerate(errors, 1)}
     if errors:

@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import rms
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.results import Results, reduction
 from frictionid.evaluation import Split
@@ -327,13 +327,8 @@ def astray(model: Model) -> bool:
     if len(folds) < 2 or not np.isfinite(model.curves).all():
         return False
     mean = folds.mean(axis=0)
-    size, off = _rms(mean), _rms(overall - mean)
-    return bool(((off > _rms(folds - mean).max(axis=0)) & (off > ASTRAY * size)).any())
-
-
-def _rms(curves: Array) -> Array:
-    """Root mean square over the velocities, the last axis but one."""
-    return np.sqrt(np.mean(np.square(curves), axis=-2))
+    size, off = rms(mean, -2), rms(overall - mean, -2)
+    return bool(((off > rms(folds - mean, -2).max(axis=0)) & (off > ASTRAY * size)).any())
 
 
 def loose(model: Model) -> int:

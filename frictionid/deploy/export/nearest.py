@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rms
 from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
@@ -340,7 +340,7 @@ def cost_of(model: ExportedFriction, held: Friction, *, has_backlash: bool = Tru
     data = model.prepared
     assert data is not None
     torques = [along(friction, data.integral.nodes) for friction in (model.friction, held)]
-    rms = np.sqrt(((torques[0] - torques[1]) ** 2).mean(axis=0))
+    apart = rms(torques[0] - torques[1], 0)
     initial = reaching(data.initial_states)
     theirs = initial
     if not has_backlash:  # encoders at the joints
@@ -348,7 +348,7 @@ def cost_of(model: ExportedFriction, held: Friction, *, has_backlash: bool = Tru
         tight = tuple(servos[id(s)] for s in initial.servos)
         theirs = initial._replace(servos=tight, play=None)
     replay = replayed(model, initial, predictions(model, held, theirs))
-    return replay._replace(torque=tuple(map(float, rms)))
+    return replay._replace(torque=tuple(map(float, apart)))
 
 
 def reaching(initial: InitialStates) -> InitialStates:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rms
 
 MEASURES = "faster", "more abrupt"
 MARGIN = np.log(1.25)  # beyond the healthy recordings, or half of their range if that is more
@@ -24,7 +24,7 @@ def motion_of(time: Array, w: Array, floor: Array) -> Array:
         steps = np.diff(time)
         usual = steps <= 3.0 * np.median(steps)
         a = np.diff(w, axis=0)[usual] / steps[usual, None]
-        speed, abruptness = np.quantile(np.abs(w), 0.95, axis=0), np.sqrt((a**2).mean(axis=0))
+        speed, abruptness = np.quantile(np.abs(w), 0.95, axis=0), rms(a, 0)
         both = np.maximum([speed, abruptness], both)
     return np.log(both.T)
 

@@ -13,7 +13,7 @@ from scipy.special import log_ndtr, ndtri_exp
 from frictionid.api.fit import fit as fit_again
 from frictionid.api.fitted import Fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
-from frictionid.arrays import MAD, Array, joined
+from frictionid.arrays import MAD, Array, joined, rms
 from frictionid.data.calibration import calibrated_plant, with_calibrated_servo
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of, refuse_torques
@@ -274,7 +274,7 @@ def band_of(quiet: Iterable[tuple[Friction, Dataset]], response: float, rate: fl
     hours = sum(float(np.ptp(run.time)) for run in runs if len(run.time)) / 3600.0
     each = rate / largest.shape[1]
     factor = np.array([_factor(x, hours, each) for x in largest.T])
-    spread = np.sqrt(np.mean(np.concatenate([run.spread for run in runs]) ** 2, axis=0))
+    spread = rms(np.concatenate([run.spread for run in runs]), 0)
     return Band(noise, shake, spread, factor, rate, hours, response)
 
 
