@@ -9,13 +9,13 @@ import pandas as pd
 import frictionid.check.verdict as checks
 from frictionid.config import nearest
 from frictionid.errors import InputError
+from frictionid.pictures import drawn
 from frictionid.progress import Done, say_nothing
 from frictionid.quickstart import quick as first
 from frictionid.quickstart.quick import plan_for
 from frictionid.quickstart.quick_report import Quick
 from frictionid.report.console import Shown
 from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
-from frictionid.report.figures.style import drawn
 
 from .models import DatasetLike, dataset_of
 from .notebook import counted

@@ -19,7 +19,7 @@ from frictionid.evaluation import score_value
 from frictionid.friction import Friction, Law
 from frictionid.friction.model_files import read_model
 from frictionid.friction.provenance import Provenance
-from frictionid.pictures import as_html
+from frictionid.pictures import as_html, drawn
 from frictionid.report import show_summary
 from frictionid.report.console import Shown
 from frictionid.report.exhibits import (
@@ -30,7 +30,6 @@ from frictionid.report.exhibits import (
     motion_pictures,
     names_of,
 )
-from frictionid.report.figures.style import drawn
 from frictionid.report.sections import Section, sections_of
 from frictionid.report.side_by_side import SideBySide, side_by_side
 from frictionid.report.summary_table import summary_of

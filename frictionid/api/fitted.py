@@ -20,11 +20,11 @@ from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.model_files import LAWS, save_model
 from frictionid.friction.provenance import Estimates
+from frictionid.pictures import drawn
 from frictionid.report import show_fit
 from frictionid.report.console import Shown, say
 from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
-from frictionid.report.figures.style import drawn
 from frictionid.report.numbers import estimate_frame
 
 from .evaluate import HORIZONS, evaluate, predict

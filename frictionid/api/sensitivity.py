@@ -19,10 +19,10 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.method import Method, check_method
 from frictionid.outputs import check_unchanged
+from frictionid.pictures import drawn
 from frictionid.progress import Done, say_nothing
 from frictionid.report.console import Shown
 from frictionid.report.figures.studies import over_amounts, summarised, tornado
-from frictionid.report.figures.style import drawn
 from frictionid.report.sensitivity import sensitivity_table, write_sensitivity
 from frictionid.report.terminal import show_table
 

@@ -14,6 +14,7 @@ from frictionid.excitation import Design, TrajectoryDesign
 from frictionid.excitation.experiment import Limits, Named
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant, as_mechanism
+from frictionid.pictures import drawn
 from frictionid.progress import Done, say_nothing
 from frictionid.report.experiment_design import (
     command_frame,
@@ -25,7 +26,6 @@ from frictionid.report.experiment_design import (
     trajectory_frame,
     trajectory_text,
 )
-from frictionid.report.figures.style import drawn
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -15,13 +15,12 @@ QUIET = ("--quiet", "-q")
 COMPILING = "compiling, once on this machine"
 
 
-class _Nowhere(io.StringIO):
-    """Output that is dropped."""
+_NOWHERE = io.StringIO()  # output that is dropped
 
 
 def is_quiet() -> bool:
     """Whether nothing is printed but errors."""
-    return isinstance(sys.stdout, _Nowhere)
+    return sys.stdout is _NOWHERE
 
 
 @contextmanager
@@ -31,7 +30,7 @@ def without_quiet(words: Sequence[str]) -> Iterator[list[str]]:
     if len(rest) == len(words):
         yield rest
         return
-    with redirect_stdout(_Nowhere()):
+    with redirect_stdout(_NOWHERE):
         yield rest
 
 
