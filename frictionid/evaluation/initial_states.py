@@ -26,8 +26,8 @@ from .folds import Folds
 
 # Where the rollouts stand in each array.
 _AXIS = {
-    **dict.fromkeys(("recording", "index", "q", "w", "temperature", "time", "play"), 0),
-    **dict.fromkeys(("u", "dt", "measured", "truth", "last", "base_motion"), 1),
+    **dict.fromkeys("recording index q w temperature time play".split(), 0),
+    **dict.fromkeys("u dt measured truth last base_motion".split(), 1),
 }
 
 

@@ -189,10 +189,7 @@ class Prepared:
         )
 
 
-_SCORED = (
-    *("euler", "integral", "initial_states", "true_initial_states"),
-    *("preceding", "trajectory", "grid"),
-)
+_SCORED = "euler integral initial_states true_initial_states preceding trajectory grid".split()
 
 
 def prepare(

@@ -244,11 +244,14 @@ def _balance(friction: Friction, prepared: Prepared) -> tuple[Problem, Array]:
 
 
 _FRAME = (
-    *((MEASURED, "rms"), (LEFT, "rms"), (LEFT, "share")),
-    *((NOMINAL, "rms"), (NOMINAL, "share")),
+    (MEASURED, "rms"),
+    (LEFT, "rms"),
+    (LEFT, "share"),
+    (NOMINAL, "rms"),
+    (NOMINAL, "share"),
     (NOISE, "share"),
 )
-COLUMNS = ("joint", "unit", "measured_rms", "left_rms", "left", "nominal_rms", "nominal", "noise")
+COLUMNS = "joint unit measured_rms left_rms left nominal_rms nominal noise".split()
 
 
 def torque_frame(scores: Iterable[Sequence[Any]]) -> pd.DataFrame:
@@ -273,4 +276,4 @@ def torque_frame(scores: Iterable[Sequence[Any]]) -> pd.DataFrame:
         measured, *both = (values.get((*column, joint), none) for column in _FRAME)
         unit = "" if joint == "all" else both[0].unit
         lines.append((joint, unit, measured.value, *(s.value for s in both)))
-    return pd.DataFrame(lines, columns=list(COLUMNS))
+    return pd.DataFrame(lines, columns=COLUMNS)
