@@ -43,7 +43,7 @@ class Verdict(Shown):
 
         Columns: level, kind, text, remedy, joint (from 1, None for none), numbers.
         """
-        columns = ["level", "kind", "text", "remedy", "joint", "numbers"]
+        columns = "level kind text remedy joint numbers".split()
         rows = map(vars, self.details.findings)
         return pd.DataFrame(rows, columns=columns).astype({"joint": object})
 

@@ -260,7 +260,7 @@ FAMILIES = {
     "black box": "no physics",
 }
 # laws whose form was learned, by their names in model files
-LEARNED = ("mlp", "window_mlp", "lstm", "ensemble", "TorchModule", "library", "table", "spline")
+LEARNED = "mlp window_mlp lstm ensemble TorchModule library table spline".split()
 
 
 def family(model: Model) -> str:

@@ -46,7 +46,7 @@ class Exported(NamedTuple):
     round_trip: Replay | None = None
 
 
-_SETTINGS = ("name", "precision", "into", "joints", "randomise", "seed")
+_SETTINGS = "name precision into joints randomise seed".split()
 
 
 def _settings_of(settings: ExportSettings | Mapping[str, Any]) -> ExportSettings:

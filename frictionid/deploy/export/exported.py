@@ -198,7 +198,40 @@ class ExportedFriction:
         InputError
             For laws that compute in other ways, such as a network of torch.
         """
-        return _programs(self.friction)
+        law, theta, n = self.friction.law, self.friction.theta, self.friction.n
+        count = len(law.start(theta, at_rest(np.zeros(n))))
+        entries = [f"memory_{i + 1}" for i in range(count)]
+        sizes = dict.fromkeys(INPUTS, n)
+
+        def torque(x: Mapping[str, Array]) -> Mapping[str, Array]:
+            return {"Tf": law.torque(theta, inputs_of(x), tuple(x[m] for m in entries))}
+
+        def advance(x: Mapping[str, Array]) -> Mapping[str, Array]:
+            memory = law.advance(theta, inputs_of(x), tuple(x[m] for m in entries), x["dt"])
+            return dict(zip(entries, memory, strict=True))
+
+        def start(x: Mapping[str, Array]) -> Mapping[str, Array]:
+            return dict(zip(entries, law.start(theta, inputs_of(x)), strict=True))
+
+        with_memory = sizes | dict.fromkeys(entries, n)
+        try:
+            programs = (
+                traced(torque, with_memory),
+                traced(advance, with_memory | {"dt": 1}),
+                traced(start, sizes),
+            )
+        except (NotImplementedError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{type(law).__name__}: its torque cannot be written as code ({error}); "
+                "export it to onnx or torchscript, or as a table"
+            ) from None
+        used = {name.rpartition("_")[0] for program in programs for name in program.read()}
+        unused = {f"{x}_{j + 1}" for x in INPUTS if x not in used for j in range(n)}
+        torque_, advance_, start_ = (
+            program.with_inputs([name for name in program.inputs if name not in unused])
+            for program in programs
+        )
+        return Programs(torque_, advance_, start_, tuple(x for x in INPUTS if x in used), count)
 
 
 def exported(
@@ -270,43 +303,6 @@ def _driven(friction: Friction, data: Dataset) -> tuple[Mechanism, PositionContr
     if servo is not None and "kt" in motor:
         servo = servo.with_motor(motor["kt"], motor["R"])
     return data.mechanism, None if servo is None else position_control(servo, data.mechanism.n)
-
-
-def _programs(friction: Friction) -> Programs:
-    law, theta, n = friction.law, friction.theta, friction.n
-    count = len(law.start(theta, at_rest(np.zeros(n))))
-    entries = [f"memory_{i + 1}" for i in range(count)]
-    sizes = dict.fromkeys(INPUTS, n)
-
-    def torque(x: Mapping[str, Array]) -> Mapping[str, Array]:
-        return {"Tf": law.torque(theta, inputs_of(x), tuple(x[m] for m in entries))}
-
-    def advance(x: Mapping[str, Array]) -> Mapping[str, Array]:
-        memory = law.advance(theta, inputs_of(x), tuple(x[m] for m in entries), x["dt"])
-        return dict(zip(entries, memory, strict=True))
-
-    def start(x: Mapping[str, Array]) -> Mapping[str, Array]:
-        return dict(zip(entries, law.start(theta, inputs_of(x)), strict=True))
-
-    with_memory = sizes | dict.fromkeys(entries, n)
-    try:
-        programs = (
-            traced(torque, with_memory),
-            traced(advance, with_memory | {"dt": 1}),
-            traced(start, sizes),
-        )
-    except (NotImplementedError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{type(law).__name__}: its torque cannot be written as code ({error}); "
-            "export it to onnx or torchscript, or as a table"
-        ) from None
-    used = {name.rpartition("_")[0] for program in programs for name in program.read()}
-    unused = {f"{x}_{j + 1}" for x in INPUTS if x not in used for j in range(n)}
-    torque_, advance_, start_ = (
-        program.with_inputs([name for name in program.inputs if name not in unused])
-        for program in programs
-    )
-    return Programs(torque_, advance_, start_, tuple(x for x in INPUTS if x in used), count)
 
 
 def follows(friction: Friction, name: str) -> bool:

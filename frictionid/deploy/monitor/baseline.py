@@ -130,12 +130,11 @@ def _covariates(dataset: Dataset) -> tuple[str, ...]:
 
 def hashes_of(dataset: Dataset) -> tuple[str, ...]:
     """A digest of each recording's samples."""
-
-    def digest(r: Any) -> str:
-        parts = (r.angle.time, r.angle.value, r.torque.time, r.torque.value)
-        return sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts))
-
-    return tuple(digest(r) for r in dataset.recordings)
+    samples = (
+        (r.angle.time, r.angle.value, r.torque.time, r.torque.value) for r in dataset.recordings
+    )
+    contents = (b"".join(np.ascontiguousarray(x).tobytes() for x in each) for each in samples)
+    return tuple(map(sha256, contents))
 
 
 def save_baseline(baseline: Baseline, path: Path, settings: Mapping[str, Any]) -> None:

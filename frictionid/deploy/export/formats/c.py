@@ -6,7 +6,7 @@ from frictionid.deploy.export import expressions as ex
 
 from ..exported import ExportedFriction, ExportSettings, Written
 
-_CALLS = ("sqrt", "exp", "log", "log1p", "tanh", "sin", "cos")
+_CALLS = "sqrt exp log log1p tanh sin cos".split()
 
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:

@@ -4,7 +4,7 @@ from frictionid.deploy.export import expressions as ex
 
 from ..exported import ExportedFriction, ExportSettings, Written
 
-_MATH = ("sqrt", "log", "log1p", "tanh", "sin", "cos")
+_MATH = "sqrt log log1p tanh sin cos".split()
 _SYNTAX: dict[str, str | ex.Form] = {
     **{name: f"math.{name}(" for name in _MATH},
     "exp": "exp(",
