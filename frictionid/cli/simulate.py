@@ -36,7 +36,6 @@ def simulate(
     same = seed in (None, settings.seed) and not noise_free
     write_dataset(dataset, out, {"rig.toml": read_bytes(rig)} if same else {}, replace=replace)
     samples = sum(len(recording.angle.time) for recording in dataset.recordings)
-    names = [recording.name for recording in dataset.recordings]
-    numbers = {"dataset": dataset.name, "recordings": names, "samples": samples}
-    text = f"{dataset.name}: {len(names)} recordings, {samples} samples"
+    numbers = {"dataset": dataset.name, "recordings": dataset.names, "samples": samples}
+    text = f"{dataset.name}: {len(dataset.names)} recordings, {samples} samples"
     show(text, numbers, [out], json=json)

@@ -70,7 +70,7 @@ class Dataset:
         object.__setattr__(self, "mechanism", as_mechanism(self.mechanism))
         if not self.recordings:
             raise InputError(f"data set {self.name!r} needs at least one recording")
-        for name in (self.name, *(r.name for r in self.recordings)):
+        for name in (self.name, *self.names):
             if not name.isprintable():
                 raise InputError(
                     f"{name!r} names a data set or recording and has characters that cannot be "
@@ -95,6 +95,11 @@ class Dataset:
     def scales(self) -> JointScales:
         """Size and speeds of each joint by its measured positions, see `joint_scales`."""
         return joint_scales(self.mechanism.position_units, [r.angle for r in self.recordings])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the recordings."""
+        return tuple(r.name for r in self.recordings)
 
     @property
     def seconds(self) -> float:

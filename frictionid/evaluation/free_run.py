@@ -104,7 +104,7 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
     clock = np.stack(clocks, axis=1)
     each, pairs = temperatures(dataset, clocks), list(zip(dataset.recordings, times, strict=True))
     return Trajectory(
-        names=tuple(r.name for r in dataset.recordings),
+        names=dataset.names,
         time=clock,
         q=np.stack([s.q[k] for s, k in zip(states, first, strict=True)]),
         w=np.stack([s.w[k] for s, k in zip(states, first, strict=True)]),

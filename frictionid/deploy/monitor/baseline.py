@@ -92,7 +92,7 @@ def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
         mechanism=machine_of(dataset.mechanism),
         joints=tuple(dataset.mechanism.friction_names),
         reference=reference,
-        names=tuple(r.name for r in dataset.recordings),
+        names=dataset.names,
         hashes=hashes_of(dataset),
         changes=recording_changes(prepared, reference, names)[0],
         covariates=names,

@@ -365,8 +365,7 @@ def external_torque(
         for r, x in enumerate(dataset.recordings)
     ]
     time, torque, bands = zip(*rows, strict=True)
-    names = tuple(r.name for r in dataset.recordings)
-    return ExternalTorque(dataset.mechanism.joints, band, names, time, torque, bands)
+    return ExternalTorque(dataset.mechanism.joints, band, dataset.names, time, torque, bands)
 
 
 def with_band(said: Observed, band: Band) -> tuple[Array, Array]:
