@@ -75,8 +75,7 @@ def fit(
     loaded = fid.load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
         fitted = fid.fit(
-            loaded,
-            chosen,
+            *(loaded, chosen),
             method=by,
             recipe=recipe,
             free=free or None,

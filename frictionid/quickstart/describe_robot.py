@@ -108,18 +108,8 @@ def describe_robot(
     unknown = (key for key in motor if getattr(filled, key, 0) is None)
     comments |= dict.fromkeys((f"motor.{key}" for key in unknown), _MISSING)
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
-    draft = Draft(
-        tables,
-        table,
-        guesses,
-        machine,
-        motor,
-        comments,
-        actuator,
-        columns.velocity,
-        columns.imu,
-        missing,
-    )
+    beside = columns.velocity, columns.imu, missing
+    draft = Draft(tables, table, guesses, machine, motor, comments, actuator, *beside)
     factor = {*missing} & {_KT, _GEAR}  # of the torques, where angles are the joints'
     if len(factor) == 1 and not (_GEAR in factor and "angle" in motor):
         gains = gains_by_gravity(loaded(draft))
