@@ -255,21 +255,29 @@ def engine_table() -> Iterator[str]:
 
 def picture() -> Any:
     """Friction over velocity of all machines, joints together, with 95 % bands where known."""
-    cards = list(judged())
-    sets = list(dict.fromkeys(card.dataset for card in cards))
-    figure, panels = panel_grid(len(sets), 3, 2.2, 0.1)
-    for axes, dataset in zip(panels, sets, strict=True):
-        alike = [card for card in cards if card.dataset == dataset]
+    machines: dict[str, list[Machine]] = {}
+    for card in map(fid.machine, shipped_names("machines")):
+        machines.setdefault(card.name.partition("_m")[0], []).append(card)
+    figure, panels = panel_grid(len(machines), 3, 2.2, 0.1)
+    for axes, (name, alike) in zip(panels, machines.items(), strict=True):
         for k, card in enumerate(alike):
             for j, joint in enumerate(card.joints):
-                label = card.name if len(alike) > 1 else joint.removesuffix("_joint")
+                model = card.name.removeprefix(name).strip("_") or "by the defaults"
+                label = model if len(alike) > 1 else joint.removesuffix("_joint")
                 draw(axes, card, j, j + k, label)
         units = alike[0].friction.position_units or ("rad",)
-        axes.set_title(dataset, loc="left")
+        axes.set_title(name, loc="left")
         axes.set_xlabel(f"velocity [{units[0]}/s]")
         axes.set_ylabel("friction [N m]" if units[0] == "rad" else "friction [N]")
-        if len(alike) * len(alike[0].joints) <= 7:
-            axes.legend(fontsize=6, labelspacing=0.2, loc="upper left")
+        size, columns = (6, 1) if len(alike[0].joints) <= 7 else (4, 2)
+        axes.legend(
+            fontsize=size,
+            ncols=columns,
+            loc="upper left",
+            labelspacing=0.2,
+            handlelength=1.4,
+            columnspacing=0.6,
+        )
     return figure
 
 
