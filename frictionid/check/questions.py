@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics import Mechanism
 
 from .conventions import ALIKE, EXPLAINS, MARGIN, Scored
 from .facts import JointFacts
@@ -319,7 +318,7 @@ def advice(
     passive : [s] of motion without torque
     """
     measured, mechanism = tests.measured, tests.measured.mechanism
-    yield from _faster(mechanism, measured.nominal[0], facts)
+    yield from _faster(measured, facts)
     if _may_fall(measured):
         yield from _decay(passive, unmoved=not all(mechanism.driven))
     delay = tests.delay
@@ -334,14 +333,15 @@ def advice(
         yield f"{listed}{rest} not identified: add faster, wider motion of all joints"
 
 
-def _faster(mechanism: Mechanism, nominal: Array, facts: Sequence[JointFacts]) -> Iterator[str]:
-    for fact, unit in zip(facts, mechanism.position_units, strict=True):
+def _faster(measured: Measured, facts: Sequence[JointFacts]) -> Iterator[str]:
+    mechanism = measured.mechanism
+    for fact, joint, unit in zip(facts, mechanism.joints, mechanism.position_units, strict=True):
         if unit == "rad" and fact.top < FAST:
-            swing = _swing(mechanism, nominal, fact.joint - 1)
-            yield f"joint {fact.joint} never exceeds {max(fact.top, 0.1):.1f} rad/s: add {swing}"
+            swing = _swing(measured, fact.joint - 1)
+            yield f"{joint} never exceeds {max(fact.top, 0.1):.1f} rad/s: add {swing}"
         elif fact.at_rest < 0.9 and not 0.15 < fact.forward < 0.85:
             direction = "forward" if fact.forward < 0.5 else "backward"
-            yield f"joint {fact.joint} hardly moves {direction}: add motion in that direction"
+            yield f"{joint} hardly moves {direction}: add motion in that direction"
 
 
 def _may_fall(measured: Measured) -> bool:
@@ -360,15 +360,14 @@ def _decay(passive: float, *, unmoved: bool) -> Iterator[str]:
         yield f"only {passive:.0f} s of free decay: add one of {DECAY:.0f} s"
 
 
-def _swing(mechanism: Mechanism, nominal: Array, j: int) -> str:
+def _swing(measured: Measured, j: int) -> str:
     """A swing that reaches twice the speed, by the energy of the nominal mechanism."""
     angles = np.linspace(0.0, 2.8, 141)
-    q = np.zeros((len(angles), mechanism.n))
-    q[:, j] = angles
-    terms = mechanism.terms(nominal, q, np.zeros_like(q))
+    q = np.outer(angles, np.eye(measured.mechanism.n)[j])
+    terms = measured.mechanism.terms(measured.nominal[0], q, 0 * q)
     speed = np.sqrt(2 * np.maximum(terms.energy - terms.energy[0], 0) / terms.M[:, j, j])
     enough = np.flatnonzero(speed > 2 * FAST)
-    if len(enough):
+    if len(enough) and _may_fall(measured):
         degrees = int(np.ceil(np.degrees(angles[enough[0]]) / 10) * 10)
         return f"a swing of this joint from {degrees} degrees"
     return f"driven motion of this joint above {FAST:g} rad/s"

@@ -96,6 +96,7 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
     import tomllib
 
     from frictionid.files import json_text, write_text
+    from frictionid.quickstart.describe_robot import GEAR
     from frictionid.quickstart.describe_tables import GAINS
 
     # the suite first: a folder with a dataset.toml is done
@@ -112,7 +113,11 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
     for text in described.draft.missing:
         print(f"missing: {text}")
     command = "check" if described.draft.machine.kind in ("urdf", "mjcf") else "quick"
-    first = "write the gains into dataset.toml, then " if GAINS in described.draft.missing else ""
+    first = "".join(
+        f"write the {text.split()[0]} into dataset.toml, then "
+        for text in described.draft.missing
+        if text in (GAINS, GEAR)
+    )
     print(f"next: {first}frictionid {command} {tables.folder}")
 
 
@@ -159,8 +164,9 @@ def _motor(tables: Tables, machine: dict[str, Any], guesses: Known) -> Known:
     if not guess_tables(tables, machine, guesses).is_current:
         return guesses
     kt = _number("kt, torque constant of the motor [N m/A]")
-    asked = guesses.gear is None
-    gear = _number("gear, turns of the motor for one of the joint") if asked else guesses.gear
+    gear = guesses.gear
+    if gear is None:
+        gear = _number("gear, turns of the motor for one of the joint")
     return guesses._replace(kt=kt, gear=gear)
 
 

@@ -40,7 +40,7 @@ _GEARS = (
     "gear ratios (--gear, turns of each motor for one of its joint, negative where these turn "
     "against each other): "
 )
-_GEAR = f"{_GEARS}without them nothing below holds"
+GEAR = f"{_GEARS}without them nothing below holds"
 _CONSTANTS = (
     "torque constants and gears (--kt [N m/A], --gear; their product counts, negative where a "
     "current counts the other way round): "
@@ -105,13 +105,12 @@ def describe_robot(
         missing += (_TORQUE,)
     missing += (_IMU,) if columns.imu else ()
     comments = _comments(file, columns, machine, facts, filled, still)
-    unknown = (key for key in motor if getattr(filled, key, 0) is None)
-    comments |= dict.fromkeys((f"motor.{key}" for key in unknown), _MISSING)
+    comments |= {f"motor.{key}": _MISSING for key in motor if getattr(filled, key, 0) is None}
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
     beside = columns.velocity, columns.imu, missing
     draft = Draft(tables, table, guesses, machine, motor, comments, actuator, *beside)
-    factor = {*missing} & {_KT, _GEAR}  # of the torques, where angles are the joints'
-    if len(factor) == 1 and not (_GEAR in factor and "angle" in motor):
+    factor = {*missing} & {_KT, GEAR}  # of the torques, where angles are the joints'
+    if len(factor) == 1 and not (GEAR in factor and "angle" in motor):
         gains = gains_by_gravity(loaded(draft))
         none = [joint for joint, gain in gains.items() if gain is None]
         if none and len(none) < len(gains) and "joints" not in options:
@@ -125,9 +124,9 @@ def describe_robot(
             said = head + _taken(gains)
             missing = tuple(said if text in factor else text for text in missing)
             key = "gear" if filled.gear is None else "kt"
-            texts = (f"{gain.value * motor[key]:.3g}" for gain in gains.values() if gain)
-            draft = draft._replace(missing=missing, motor={**motor, key: [*map(float, texts)]})
-    blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
+            each = [float(f"{gain.value * motor[key]:.3g}") for gain in gains.values() if gain]
+            draft = draft._replace(missing=missing, motor={**motor, key: each})
+    blind = not {GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
     described = described_draft(draft, blind=blind)
     rest = _resting(described, columns.joints)
     if not rest or "joints" in options or facts.per_joint:
@@ -236,7 +235,9 @@ def _motor(columns: RobotColumns, guesses: ColumnGuesses, facts: Known) -> dict[
     out["gear"] = 1.0 if facts.gear is None else facts.gear
     if columns.side == "motor":
         out |= {"angle": "motor", "offset": [0.0] * len(columns.joints)}
-    return {**out, **({"torque": "motor"} if shaft else {})}
+    if shaft:
+        out["torque"] = "motor"
+    return out
 
 
 def _missing(
@@ -245,7 +246,7 @@ def _missing(
     """What nobody has said, and what happens without it."""
     amperes = "kt" in motor and facts.kt is None
     if facts.gear is None and motor and (not amperes or "angle" in motor):
-        yield _GEAR
+        yield GEAR
     if amperes:
         yield _KT
     if "offset" in motor:
@@ -285,12 +286,11 @@ def _with_file(facts: Known, joints: Sequence[Joint]) -> Known:
 
 def _limits(joints: Sequence[Joint]) -> Iterator[str]:
     """Limits of the file, as comments."""
-    if any(np.isfinite(joint.limits).any() for joint in joints):
+    limited = [joint for joint in joints if np.isfinite(joint.limits).any()]
+    if limited:
         yield "limits of the file: position, velocity, torque, in SI units"
-    for joint in joints:
-        low, high, velocity, effort = joint.limits
-        if np.isfinite(joint.limits).any():
-            yield f"  {joint.name}: {low:g} to {high:g}, {velocity:g}, {effort:g}"
+    for joint in limited:
+        yield "  {}: {:g} to {:g}, {:g}, {:g}".format(joint.name, *joint.limits)
 
 
 # --- Gains of currents ----------------------------------------------------------------------------

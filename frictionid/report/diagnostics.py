@@ -85,7 +85,7 @@ def _joints(verdict: Verdict) -> Table:
     heads += [Column(name, "noise") for name in "qwu"] + [Column(name, "step") for name in "qu"]
     rows = [
         [
-            str(j.joint),
+            str(j.joint) if name.endswith(str(j.joint)) else f"{j.joint}, {name}",
             *(f"{value:.3g}" for value in (j.range, j.fast, j.top)),
             *(f"{100 * share:.0f} %" for share in (j.forward, j.at_rest)),
             str(j.reversals),
@@ -93,7 +93,7 @@ def _joints(verdict: Verdict) -> Table:
             f"{j.torque_noise:.1g}",
             *(f"{step:.1g}" if step else NOTHING for step in (j.angle_step, j.torque_step)),
         ]
-        for j in verdict.joints
+        for j, name in zip(verdict.joints, mechanism.joints, strict=True)
     ]
     return table_of(heads, rows)
 
@@ -204,7 +204,7 @@ def _chosen(verdict: Verdict) -> list[int]:
     """Recordings to show: those in which the joints are fastest for them, in their own order."""
     square = np.stack([np.mean(m.states.w**2, 0) for m in verdict.regression.measured.motions])
     speed = np.mean(square / np.maximum(square.mean(0), 1e-300), axis=1)
-    return sorted(np.argsort(speed)[::-1][:RECORDINGS].tolist())
+    return sorted(np.argsort(-speed)[:RECORDINGS].tolist())
 
 
 def _residual(verdict: Verdict) -> Any:

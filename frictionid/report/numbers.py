@@ -150,12 +150,16 @@ def seconds(horizon: float) -> str:
 
 
 def change(e: Estimate) -> list[str]:
-    """Difference from the nominal value, which is not zero, and its 95 % interval [%]."""
+    """Difference from the nominal value, which is not zero, and its 95 % interval.
+
+    In per cent; in the parameter's unit where the nominal value is below the standard error.
+    """
     assert e.nominal
-    middle, *ends = (100 * (v / e.nominal - 1.0) for v in (e.value, *e.interval_95))
-    error = 100 * e.error / abs(e.nominal)
-    texts = (rounded(v, error) for v in (middle, *sorted(ends)))
-    return [text if text.startswith(MINUS) else f"+{text}" for text in texts]
+    scale, unit = (100 / e.nominal, "%") if e.error < abs(e.nominal) else (1.0, e.unit)
+    middle, *ends = (scale * (v - e.nominal) for v in (e.value, *e.interval_95))
+    texts = (rounded(v, abs(scale) * e.error) for v in (middle, *sorted(ends)))
+    first, *others = (text if text.startswith(MINUS) else f"+{text}" for text in texts)
+    return [f"{first} {unit}", *others]
 
 
 def span(e: Estimate, scale: float) -> list[str]:
@@ -268,8 +272,8 @@ def added(chosen: Estimates, others: Mapping[str, Estimates]) -> str:
     parts = []
     for name, other in others.items():
         friction = [e for e in other.parameters if e.block == "friction"]
-        shown = [e for e in friction if e.identified and e.unit != "rad/s"]
-        shown = [e for e in shown if stem(e.parameter) not in names]
+        new = [e for e in friction if stem(e.parameter) not in names]
+        shown = [e for e in new if e.identified and e.unit != "rad/s"]
         if shown and names < {stem(e.parameter) for e in friction}:
             values = (f"{e.name} {value_text(e)} {interval_text(e)}" for e in shown)
             parts.append(f"{name} shows {', '.join(values)}")

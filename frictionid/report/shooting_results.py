@@ -37,7 +37,7 @@ def shooting_results(refined: Estimates, data: DataDescription | None) -> dict[s
 
     calibration : identified parameters of sensors and motors, see `_calibration`
     nominal : number of identified base parameters with a nominal value
-    differing : names of those whose interval does not hold it, with the difference [%]
+    differing : names of those whose interval does not hold it, with the `change`
     with_truth, missed : number of identified parameters with a known true value; those names whose
         interval does not hold it
     delay_fixed : friction parameters that hold the share of a delay that was not free
@@ -73,7 +73,7 @@ def _calibration(e: Estimate) -> dict[str, Any]:
 
     text : value with its 95 % interval, delays in ms
     side : 1 above the ideal value, -1 below it, 0 where the interval holds it
-    change : difference from the nominal value [%], or None
+    change : `change` from the nominal value, or None
     """
     ideal, late = IDEAL.get(e.block), e.block in LATE
     return {
@@ -227,7 +227,7 @@ def _cells(e: Estimate, nominal: bool) -> list[str | Cell]:
     cells = [value_text(e), interval_text(e)]
     if nominal:
         shown = e.identified and e.nominal and e.block in SIZES
-        cells += [_beside(e.nominal, e), f"{change(e)[0]} %" if shown else NOTHING]
+        cells += [_beside(e.nominal, e), change(e)[0] if shown else NOTHING]
     value, *others = (cell.replace("-", MINUS) for cell in cells)
     return [name, e.unit.replace("^2", "²"), Cell(value, mark=mark_of(e)), *others]
 

@@ -43,7 +43,7 @@ motor = {coupling = [[2.0]], torque = "motor"} => coupling is of 1 motors, and t
 motor = {coupling = [[1.0, 1.0], [2.0, 2.0]], torque = "motor"} => square matrix with an inverse
 signs.angle = 2 => signs\.angle.* 1 or -1, not 2
 signs.torque = [1, 1, -1] => signs\.torque has 3 numbers for 2
-units.torque = "A"; motor.kt = [0.1, 0.1, 0.1] => motor\.kt has 3 numbers for 2 joints
+units.torque = "A"; motor.kt = [0.1, 0.1, 0.1] => motor\.kt has 3 numbers for 2 joints \(q1, q2\)
 mechanism.kind = => 'mechanism\.kind' is missing; .* such as urdf = "arm\.urdf"
 mechanism.parameters = {m4 = true} => m4: .*number, not True
 units.angle = "grad" => unknown unit 'grad'; known: 'rad', 'mrad', 'deg'

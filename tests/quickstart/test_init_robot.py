@@ -136,6 +136,7 @@ def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
     motors = named({"motor_angle_{}": turned, "motor_torque_{}": torques}, range(1, 4))
     document, out = call(motors)
     assert document["motor"]["gear"] == 1.0 and "missing: gear ratios (--gear" in out
+    assert "next: write the gear into dataset.toml, then frictionid check" in out
     # with the gears, the motion itself says where the angles have their zero
     document, out = call(motors, "--gear", "50,60,-40")
     assert "gear ratios" not in out
@@ -341,13 +342,13 @@ def test_a_joint_without_inertia_is_named_and_a_rotor_stands_in(call, joints, tm
 
 def test_what_was_written_can_be_checked_and_fitted(call, joints, run):
     call(joints)
-    for command in (
-        "check log",
-        "fit log --identifier coulomb_viscous --by inverse_dynamics --out model.json",
-        "evaluate model.json log --horizons 0.1",
+    for command, words in (
+        ("check log", r"\n 1, one .*next: one never exceeds 1.1 rad/s: add driven motion"),
+        ("fit log --identifier coulomb_viscous --by inverse_dynamics --out model.json", "written"),
+        ("evaluate model.json log --horizons 0.1", "model"),
     ):
         code, out, _ = run(call.folder.parent, command)
-        assert code == 0, out
+        assert code == 0 and re.search(words, out, re.S), out
 
 
 def test_columns_are_matched_by_what_names_share():

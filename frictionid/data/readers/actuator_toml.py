@@ -154,7 +154,7 @@ class Actuator(Strict):
         names += [supply for supply in supplies if isinstance(supply, str)]
         return [name for name in dict.fromkeys(names) if name]
 
-    def check_joints(self, joints: int) -> None:
+    def check_joints(self, joints: Sequence[str]) -> None:
         """Check that everything is one, or one per joint.
 
         Raises
@@ -164,9 +164,9 @@ class Actuator(Strict):
         """
         for key in ("target", "target_velocity", "feedforward"):
             names = getattr(self, key)
-            if names is not None and len(names) != joints:
+            if names is not None and len(names) != len(joints):
                 raise ValueError(
-                    f"actuator.{key} names {len(names)} columns for {joints} joints; give one "
+                    f"actuator.{key} names {len(names)} columns for {len(joints)} joints; give one "
                     "per joint"
                 )
         keys = ("P", "D", "limit", "gear", "efficiency", "backlash", *sorted(_ENVELOPE))

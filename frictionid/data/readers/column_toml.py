@@ -1,7 +1,7 @@
 """Columns of a dataset.toml: their units, and the schemas of [columns] and [motor]."""
 
 import math
-from collections.abc import Mapping, Sized
+from collections.abc import Mapping, Sequence, Sized
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self, TypeVar
 
@@ -222,7 +222,7 @@ class Gears:
 
 
 def check_per_joint(
-    entries: Mapping[str, Sized | None], joints: int, what: str = "numbers"
+    entries: Mapping[str, Sized | None], joints: Sequence[object], what: str = "numbers"
 ) -> None:
     """Check that entries, by their names in dataset.toml, are one, or one per joint.
 
@@ -232,9 +232,10 @@ def check_per_joint(
         With the first key that is not; to pydantic it is one of the mistakes in a document.
     """
     for label, values in entries.items():
-        if values is not None and len(values) not in (1, joints):
+        if values is not None and len(values) not in (1, len(joints)):
             raise InputError(
-                f"{label} has {len(values)} {what} for {joints} joints; give one, or one per joint"
+                f"{label} has {len(values)} {what} for {len(joints)} joints "
+                f"({', '.join(map(str, joints))}); give one, or one per joint"
             )
 
 

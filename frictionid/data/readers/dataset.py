@@ -267,7 +267,7 @@ def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:
         signal = getattr(recording, quantity)
         if deviations is not None and signal is not None:
             joints = signal.value.shape[1]
-            check_per_joint({f"sigma.{quantity}": deviations}, joints)
+            check_per_joint({f"sigma.{quantity}": deviations}, range(1, joints + 1))
             signals[quantity] = signal._replace(sigma=np.broadcast_to(deviations, joints).copy())
     return replace(recording, **signals)
 

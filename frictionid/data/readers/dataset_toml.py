@@ -253,7 +253,7 @@ class DatasetToml(Strict):
     def _one_number_per_joint(self) -> Self:
         if self.columns is None:
             return self
-        joints = len(self.columns.angle)
+        joints = self.columns.angle
         if self.actuator is not None:
             self.actuator.check_joints(joints)
         numbers = {f"sigma.{label}": deviations for label, deviations in self.sigma}
@@ -261,10 +261,10 @@ class DatasetToml(Strict):
             motor = self.motor
             others = ("coupling", "angle", "torque")
             numbers |= {f"motor.{name}": each for name, each in motor if name not in others}
-            if motor.coupling is not None and len(motor.coupling) != joints:
+            if motor.coupling is not None and len(motor.coupling) != len(joints):
                 raise ValueError(
-                    f"motor.coupling is of {len(motor.coupling)} motors, and there are {joints} "
-                    "joints; give one row per joint"
+                    f"motor.coupling is of {len(motor.coupling)} motors, and there are "
+                    f"{len(joints)} joints; give one row per joint"
                 )
         numbers |= {f"signs.{label}": signs for label, signs in self.signs}
         units = {f"units.{label}": each for label, each in self.units if label != "time"}
