@@ -70,6 +70,13 @@ def test_commands_of_a_real_arm_are_commands_in_each_recording(
     assert together == {"commanded" if "commanded" in allowed else "measured"}
 
 
+def test_measured_torques_of_a_shipped_arm_are_not_held(real_data):
+    """A fit to held ones finds half a sample of delay, however late they are."""
+    dataset = load_dataset(DATA / "tiago", real_data / "tiago_arm")
+    assert {source for _, source in sources(dataset)} == {"measured"}
+    assert {recording.torque.hold for recording in dataset.recordings} == {"linear"}
+
+
 def test_a_commanded_arm_is_not_called_good(real_data, tmp_path):
     folder = arm(tmp_path, '["tau_con1", "tau_con2"]')
     verdict = check(load_dataset(folder, real_data / "dfki_double_pendulum"))
