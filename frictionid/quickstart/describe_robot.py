@@ -326,8 +326,8 @@ def gains_by_gravity(dataset: Dataset) -> dict[str, Gain | None]:
     rests = stiction_mask(problem, None, IN_TURN)[:, :n]
     number = np.floor(problem.time / _WINDOW + 1e-9)
     keys = np.stack([problem.recording, number], axis=1)
-    _, place = np.unique(keys, axis=0, return_inverse=True)
-    place, rows = place.reshape(-1), np.ones(len(place))
+    place = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    rows = np.ones(len(place))
     out: dict[str, Gain | None] = {}
     for j, name in enumerate(dataset.mechanism.joints):
         u, v = column[:, j], w[:, j]

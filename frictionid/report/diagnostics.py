@@ -63,16 +63,15 @@ def _mechanism(verdict: Verdict) -> Mechanism:
 def _clock(verdict: Verdict) -> str:
     """Length, rate and gaps of the recordings."""
     clock = verdict.clock
-    plural = "recording" if clock.recordings == 1 else "recordings"
+    several, gaps = ("s" * (count != 1) for count in (clock.recordings, clock.gaps))
     rates = f"{clock.slowest:.4g} to {clock.fastest:.4g}"
     if clock.fastest < 1.2 * clock.slowest:
         rates = f"{clock.rate:.4g}"
-    gaps = "gap" if clock.gaps == 1 else "gaps"
     longest = f" (longest {clock.longest_gap:.2g} s)" if clock.gaps else ""
     return (
-        f"   {clock.recordings} {plural}, {clock.duration:.0f} s at {rates} Hz, jitter "
-        f"{100 * clock.jitter:.1f} %, {clock.dropped} samples dropped, {clock.gaps} {gaps}{longest}"
-        f", {verdict.passive:.0f} s of free decay"
+        f"   {clock.recordings} recording{several}, {clock.duration:.0f} s at {rates} Hz, jitter "
+        f"{100 * clock.jitter:.1f} %, {clock.dropped} samples dropped, {clock.gaps} gap{gaps}"
+        f"{longest}, {verdict.passive:.0f} s of free decay"
     )
 
 
@@ -177,17 +176,15 @@ def _motion(verdict: Verdict) -> Any:
     measured, mechanism = verdict.regression.measured, _mechanism(verdict)
     slides = set(mechanism.position_units) == {"m"}
     shown = [(measured.dataset.recordings[i], measured.motions[i].states) for i in _chosen(verdict)]
-    colours = {f"joint {j + 1}": style.COLOURS[j % 6] for j in range(len(verdict.joints))}
 
     def draw(axis: Any, row: int, column: int) -> None:
         recording, states = shown[column]
         torque, start = recording.torque, states.time[0]
         time = torque.time if row == 2 else states.time
         held = "steps-post" if row == 2 and torque.hold == "previous" else "default"
-        for values, colour in zip(
-            (states.q, states.w, torque.value)[row].T, colours.values(), strict=False
-        ):
-            axis.plot(time - start, values, color=colour, linewidth=0.8, drawstyle=held)
+        axis.set_prop_cycle(color=style.COLOURS)
+        values = (states.q, states.w, torque.value)[row]
+        axis.plot(time - start, values, linewidth=0.8, drawstyle=held)
         axis.set_xlim(0.0, states.time[-1] - start)
 
     labels = (
@@ -196,7 +193,8 @@ def _motion(verdict: Verdict) -> Any:
         f"{'force' if slides else 'torque'} [{either(mechanism.torque_units)}]",
     )
     titles = [style.plain(recording.name.rsplit("/", 1)[-1]) for recording, _ in shown]
-    key = {name: style.line(colour, linewidth=1.0) for name, colour in colours.items()}
+    lines = (style.line(style.COLOURS[j % 6], linewidth=1.0) for j in range(mechanism.n))
+    key = {f"joint {j}": line for j, line in enumerate(lines, 1)}
     return style.panels(draw, labels, titles, key, "time [s]", 1.35, sharex="col", sharey="row")
 
 

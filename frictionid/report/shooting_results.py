@@ -106,8 +106,8 @@ def _like_delay(read: Sequence[Estimate]) -> list[Estimate]:
 def delay_fixed(refined: Estimates) -> tuple[str, ...]:
     """Friction parameters that hold a delay's share, where a motor pulls and no delay was free."""
     offered = {e.block for e in refined.parameters} | {dropped.block for dropped in refined.dropped}
-    free = not offered.isdisjoint(LATE)
-    return () if free or not refined.driven else names_of(_like_delay(refined.parameters))
+    fixed = refined.driven and offered.isdisjoint(LATE)
+    return names_of(_like_delay(refined.parameters)) if fixed else ()
 
 
 def delay_explains(refined: Estimates) -> tuple[str, ...]:

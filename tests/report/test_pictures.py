@@ -118,6 +118,13 @@ def test_no_band_is_clipped(tmp_path):
     assert low <= np.nanmin(curve - half) and np.nanmax(curve + half) <= high
 
 
+def test_curves_of_an_arm_leave_room_for_the_errors_below(tmp_path):
+    tasks = [made.task("one", 0.4, 0.1, curve=0.1, joints=7)]
+    own = made.section(tmp_path, tasks, {"made": made.about(7)})
+    width, height = friction_of_the_choice(own, styles(own.models)).get_size_inches()
+    assert height < 0.6 * width
+
+
 def test_a_curve_under_no_load_says_so(tmp_path):
     plain = section(tmp_path / "plain", ("one", "integral"))
     document = dict(plain.models[0].document) | {"joints": [{"load_coefficient": {"value": 0.1}}]}

@@ -163,8 +163,8 @@ class Actuator(Strict):
             With the first key that is not.
         """
         for key in ("target", "target_velocity", "feedforward"):
-            names = getattr(self, key)
-            if names is not None and len(names) != len(joints):
+            names = getattr(self, key) or joints
+            if len(names) != len(joints):
                 raise ValueError(
                     f"actuator.{key} names {len(names)} columns for {len(joints)} joints; give one "
                     "per joint"

@@ -252,7 +252,7 @@ def friction_of_the_choice(section: Section, styles: Styles) -> Any:
     rivals = [m for m in section.of_role("fitted") if m.recipe in recipes and m is not chosen]
     joints, colour = len(data.joints), styles[chosen.label].colour
     columns = joints if joints <= 3 else min(-(-joints // 2), ABREAST)
-    height = 2.3 if joints == columns else 1.6
+    height = 2.3 if joints == columns else 1.25
     picture, axes = panel_grid(joints, columns, height, 0.7, HALF_PAGE)
     for joint, axis in enumerate(axes):
         _choice_panel(axis, chosen, rivals, data, joint, colour)
