@@ -207,8 +207,8 @@ def test_traps_of_an_arm_on_a_lift(real_data, tmp_path, pair, kind, words):
     assert words in f"{kinds(verdict)[kind].text} {kinds(verdict)[kind].remedy}"
     usual = {"jittering_stamps", "unknown_cause", "nominal_mechanism"}
     assert set(kinds(verdict)) <= usual | {kind}
-    delay = identifiable(verdict, "torque delay")
-    assert "ms before it is logged" in delay.reason
+    # 10 to 20 ms by others, and 0 by fits: the interval of 19 ms before to 2 ms after holds both
+    assert "ms before" in identifiable(verdict, "torque delay").reason
 
 
 def test_currents_that_are_zero(real_data, tmp_path):
