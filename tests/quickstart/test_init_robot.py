@@ -342,13 +342,12 @@ def test_a_joint_without_inertia_is_named_and_a_rotor_stands_in(call, joints, tm
 
 def test_what_was_written_can_be_checked_and_fitted(call, joints, run):
     call(joints)
-    for command, words in (
-        ("check log", r"\n 1, one .*next: one never exceeds 1.1 rad/s: add driven motion"),
-        ("fit log --identifier coulomb_viscous --by inverse_dynamics --out model.json", "written"),
-        ("evaluate model.json log --horizons 0.1", "model"),
-    ):
-        code, out, _ = run(call.folder.parent, command)
-        assert code == 0 and re.search(words, out, re.S), out
+    fit = "fit log --identifier coulomb_viscous --by inverse_dynamics --out model.json"
+    commands = ("check log", fit, "evaluate model.json log --horizons 0.1")
+    (checked, *others) = (run(call.folder.parent, command) for command in commands)
+    assert [code for code, *_ in (checked, *others)] == [0, 0, 0], others
+    words = r"\n 1, one .*next: one never exceeds 1.1 rad/s: add driven motion"
+    assert re.search(words, checked[1], re.S)
 
 
 def test_columns_are_matched_by_what_names_share():
