@@ -240,7 +240,7 @@ def test_the_readmes_description_is_valid():
     _, _, rest = (ROOT / "data" / "README.md").read_text().partition("```toml\n")
     text, end, _ = rest.partition("```")
     assert end
-    assert check_dataset_toml(tomllib.loads(text), "README").columns.two_clocks is False
+    assert len(check_dataset_toml(tomllib.loads(text), "README").columns.clocks) == 1
 
 
 # --- Objects made without files ------------------------------------------------------------------

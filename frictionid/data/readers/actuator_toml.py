@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
+from itertools import product
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -109,9 +110,9 @@ class Actuator(Strict):
     def _falls_late(self) -> bool:
         """Whether a knee is not below the no-load speed."""
         knee, no_load = self.knee_speed or [], self.no_load_speed or []
-        pairs = zip(knee * len(no_load), no_load * len(knee), strict=True)
         single = min(len(knee), len(no_load)) == 1
-        return any(a >= b for a, b in (pairs if single else zip(knee, no_load, strict=False)))
+        pairs = product(knee, no_load) if single else zip(knee, no_load, strict=False)
+        return any(a >= b for a, b in pairs)
 
     @property
     def envelope(self) -> Envelope | None:

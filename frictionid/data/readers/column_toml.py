@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence, Sized
-from dataclasses import dataclass
-from typing import Annotated, Literal, Self, TypeVar
+from typing import Annotated, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
@@ -33,27 +32,29 @@ UNITS = {
     "torque": {"N m": 1.0, "mN m": 1e-3, "N cm": 1e-2, "N": 1.0, "A": 1.0, "mA": 1e-3},
 }
 CURRENTS = ("A", "mA")  # units of [columns] torque that need the constants of [motor]
-# Units of the motor's own, whose SI values are these times what [motor] says, and currents.
+# Units of the motor's own, whose SI values are these times what [motor] says, as those of currents.
 OWN = {"angle": {"counts": 2 * math.pi}, "velocity": {"counts/s": 2 * math.pi}}
 OWN |= {"torque": {"permille": 1e-3}, "time": {}}
-RELATIVE = {key: [*units, *(CURRENTS if key == "torque" else ())] for key, units in OWN.items()}
+_SPELT = {
+    "s": "sec seconds",
+    "ms": "milliseconds",
+    "us": "µs microseconds",
+    "ns": "nanoseconds",
+    "rad": "radians",
+    "deg": "degrees degree °",
+    "rev": "turns",
+    "rad/s": "radians/s",
+    "deg/s": "degrees/s °/s",
+    "rpm": "rev/min",
+    "N m": "Nm N*m N.m N·m",
+    "mN m": "mNm mN*m",
+    "N cm": "Ncm N*cm",
+    "A": "ampere amperes amps",
+}
+# Units by their other names, of each quantity.
 SPELLINGS = {
-    "time": {
-        "sec": "s",
-        "seconds": "s",
-        "milliseconds": "ms",
-        "µs": "us",
-        "microseconds": "us",
-        "nanoseconds": "ns",
-    },
-    "angle": {"radians": "rad", "degrees": "deg", "degree": "deg", "°": "deg", "turns": "rev"},
-    "velocity": {"degrees/s": "deg/s", "°/s": "deg/s", "radians/s": "rad/s", "rev/min": "rpm"},
-    "torque": {
-        **dict.fromkeys(("Nm", "N*m", "N.m", "N·m"), "N m"),
-        **dict.fromkeys(("mNm", "mN*m"), "mN m"),
-        **dict.fromkeys(("Ncm", "N*cm"), "N cm"),
-        **dict.fromkeys(("ampere", "amperes", "amps"), "A"),
-    },
+    quantity: {name: unit for unit in units for name in _SPELT.get(unit, "").split()}
+    for quantity, units in UNITS.items()
 }
 
 
@@ -153,11 +154,6 @@ class ColumnNames(Strict):
         """Time columns, each once."""
         return list(dict.fromkeys([self.time.angle, self.time.torque, self.velocity_clock]))
 
-    @property
-    def two_clocks(self) -> bool:
-        """Whether there are different time columns, so that rows may lack the time of one."""
-        return len(self.clocks) > 1
-
     def clock_of(self, name: str) -> str:
         """Time column of a column."""
         if name in self.torque:
@@ -204,8 +200,7 @@ class AskedColumns(ColumnNames):
         return self.others.get(name) or super().clock_of(name)
 
 
-@dataclass(frozen=True, eq=False)
-class Gears:
+class Gears(NamedTuple):
     """How the angles and torques of joints were computed from those of motors.
 
     motor angle = C (joint angle - zero) and joint torque = C' motor torque

@@ -256,33 +256,31 @@ class DatasetToml(Strict):
         joints = self.columns.angle
         if self.actuator is not None:
             self.actuator.check_joints(joints)
-        numbers = {f"sigma.{label}": deviations for label, deviations in self.sigma}
-        if self.motor is not None:
-            motor = self.motor
-            others = ("coupling", "angle", "torque")
-            numbers |= {f"motor.{name}": each for name, each in motor if name not in others}
-            if motor.coupling is not None and len(motor.coupling) != len(joints):
-                raise ValueError(
-                    f"motor.coupling is of {len(motor.coupling)} motors, and there are "
-                    f"{len(joints)} joints; give one row per joint"
-                )
-        numbers |= {f"signs.{label}": signs for label, signs in self.signs}
+        coupling = self.motor and self.motor.coupling
+        if coupling and len(coupling) != len(joints):
+            raise ValueError(
+                f"motor.coupling is of {len(coupling)} motors, and there are {len(joints)} joints; "
+                "give one row per joint"
+            )
+        tables = {"sigma": self.sigma, "motor": self.motor or (), "signs": self.signs}
+        numbers = {
+            f"{table}.{key}": each
+            for table, keys in tables.items()
+            for key, each in keys
+            if not isinstance(each, str)
+        }
         units = {f"units.{label}": each for label, each in self.units if label != "time"}
         check_per_joint(numbers, joints)
         check_per_joint(units, joints, "units")
         return self
 
     @model_validator(mode="after")
-    def _units_are_stated(self) -> Self:
+    def _units_and_their_motor(self) -> Self:
+        """Units are stated; those of the motor, currents, and what they need come together."""
         unstated = self.reader and part_of(self.reader.kind, "unstated")
         for quantity, names, why in unstated(self.columns) if unstated and self.columns else ():
             if quantity not in self.units.model_fields_set:
                 raise ValueError(f"units.{quantity} of {names} must be stated: {why}")
-        return self
-
-    @model_validator(mode="after")
-    def _motor_of_units(self) -> Self:
-        """Units of the motor and currents, and the constants that they need, come together."""
         motor, units = self.motor or Motor(), self.units
         counted = motor.counts_per_turn is not None
         if counted != any(
@@ -349,14 +347,11 @@ def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:
     """
     if "identifiers" in document:
         raise InputError(f"{file} is a suite; name a data set: a folder with a dataset.toml")
-    return checked(DatasetToml, _without_torque(_with_defaults(document)), file)
-
-
-def _with_defaults(document: dict[str, Any]) -> dict[str, Any]:
-    """The document with what the format of its tables says of itself."""
     reader = document.get("reader")
     defaults = part_of(reader.get("kind"), "defaults") if isinstance(reader, dict) else None
-    return document if defaults is None else dict(defaults(document))
+    if defaults is not None:  # what the format of the tables says of itself
+        document = defaults(document)
+    return checked(DatasetToml, _without_torque(document), file)
 
 
 def _without_torque(document: dict[str, Any]) -> dict[str, Any]:

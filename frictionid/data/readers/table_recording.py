@@ -14,7 +14,7 @@ from ..recording import Recording, TrueMotion
 from ..servo import Servo, servo_torque
 from ..signals import Signal, check_span
 from .base_toml import Base
-from .column_toml import RELATIVE, UNITS, Motor
+from .column_toml import CURRENTS, OWN, UNITS, Motor
 from .dataset_toml import DatasetToml
 from .table import Table, signal_of
 
@@ -101,8 +101,8 @@ def _signal(
     if quantity:
         unit = unit * np.array(toml.units.scales(quantity))
     if toml.motor is not None and quantity:
-        units = getattr(toml.units, quantity)
-        unit = unit * np.where(np.isin(units, RELATIVE[quantity]), toml.motor.unit(quantity), 1.0)
+        by_motor = np.isin(getattr(toml.units, quantity), [*OWN[quantity], *CURRENTS])
+        unit = unit * np.where(by_motor, toml.motor.unit(quantity), 1.0)
     return signal_of(
         table,
         clock or toml.columns.time.angle,
@@ -110,7 +110,7 @@ def _signal(
         second=UNITS["time"][toml.units.time],
         unit=unit,
         hold=hold,
-        sparse=toml.asked.two_clocks,
+        sparse=len(toml.asked.clocks) > 1,  # rows may lack the time of one
         sigma=None if sigma is None else np.full(len(names), sigma),
     )
 
