@@ -19,6 +19,7 @@ from frictionid.errors import InputError
 from ..signals import Array
 
 _RECORDER = "the reader drive_recorder (data/README.md)"
+_REMEDY = 'write a number; of angles it may be empty, with missing = "drop" in [columns]'
 _NAMES = 20  # of columns, in a complaint
 _HEADER = 1 << 20  # [bytes] of the line with the names of the columns
 _LONG = 100_000  # [bytes] of a text that is worth trying to read at once
@@ -54,7 +55,7 @@ def csv_columns(
         rows.append(row)
         for name in list(cells):
             try:
-                cells[name].append(_number(line[places[name]], row, name, file))
+                cells[name].append(cell_number(line[places[name]], row, name, file))
             except InputError as error:
                 if columns is not None:
                     raise
@@ -185,18 +186,15 @@ def _counts(head: Sequence[str]) -> bool:
     return names in ([str(k + first) for k in range(len(names))] for first in (0, 1))
 
 
-def _number(cell: str, row: int, name: str, file: str) -> float:
-    """A cell as a number, nan where it is empty."""
+def cell_number(cell: str, row: int, name: str, file: str, remedy: str = _REMEDY) -> float:
+    """A cell as a number, nan where it is empty; `remedy` where it is none."""
     text = cell.strip()
     try:
         return number(text) if text else np.nan
     except ValueError:
-        if row == 1:
-            wanted = "a table with a header needs header = true"
-        else:
-            wanted = 'write a number; of angles it may be empty, with missing = "drop" in [columns]'
+        remedy = "a table with a header needs header = true" if row == 1 else remedy
         raise InputError(
-            f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; {wanted}"
+            f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; {remedy}"
         ) from None
 
 

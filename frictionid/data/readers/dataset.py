@@ -22,7 +22,7 @@ from .column_toml import CURRENTS, OWN, check_per_joint
 from .dataset_path import dataset_path
 from .dataset_toml import DatasetToml, check_dataset_toml
 from .formats import READERS, part_of
-from .public_collections import cached, check_file, download_hint, is_cached
+from .public_collections import cached, check_file, download_hint
 from .table import read_table, table_name
 from .table_recording import recorded
 
@@ -175,7 +175,7 @@ def _tables(toml: DatasetToml, file: Path, data: str | Path | None) -> tuple[Pat
         folder = file.parent
     elif collections := os.environ.get("FRICTIONID_DATA"):
         folder = Path(collections) / collection
-    elif is_cached(collection):
+    elif any(path.is_file() for path in cached(collection).rglob("*")):
         folder = cached(collection)
     else:
         raise InputError(
@@ -231,33 +231,28 @@ def _sha256(content: bytes, file: Path, expected: str | None) -> str:
 def _recordings(
     content: bytes, folder: Path, name: str, toml: DatasetToml, read: Reader | None
 ) -> list[Recording]:
-    """Recordings of one file: a reader's, or one per table in it."""
-    if read is None:
-        recordings = _from_tables(content, folder, name, toml)
-    else:
+    """Recordings of one file: a reader's, or one per table in it, named as file and part."""
+    file, title = str(folder / name), table_name(name)
+    parameters = toml.recordings.parameters.get(name, {})
+    if read is not None:
         assert toml.reader is not None
         recording = read(folder / name, toml.reader.settings)
-        parameters = {**recording.parameters, **toml.recordings.parameters.get(name, {})}
-        recording = replace(recording, name=table_name(name), parameters=parameters)
-        recordings = [_with_sigma(recording, toml)]
+        parameters = {**recording.parameters, **parameters}
+        recordings = [_with_sigma(replace(recording, name=title, parameters=parameters), toml)]
+    else:
+        asked = toml.asked
+        if toml.reader is None:
+            tables = toml.runs(read_table(content, file, toml.names(), header=asked.header))
+        else:
+            read_tables = part_of(toml.reader.kind, "tables")
+            tables = read_tables(content, file, toml.reader.settings, asked)
+        recordings = [recorded(t, toml, title + part, parameters) for part, t in tables.items()]
     start, stop = toml.recordings.start, toml.recordings.stop
     return (
         recordings
         if (start, stop) == (0.0, math.inf)
         else [within(r, start, stop) for r in recordings]
     )
-
-
-def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> list[Recording]:
-    """Recording of each table in a file, named as the file and the part that the table is."""
-    file, asked = str(folder / name), toml.asked
-    if toml.reader is None:
-        tables = toml.runs(read_table(content, file, toml.names(), header=asked.header))
-    else:
-        read_tables = part_of(toml.reader.kind, "tables")
-        tables = read_tables(content, file, toml.reader.settings, asked)
-    parameters, title = toml.recordings.parameters.get(name, {}), table_name(name)
-    return [recorded(table, toml, title + part, parameters) for part, table in tables.items()]
 
 
 def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:

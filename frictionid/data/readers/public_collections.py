@@ -19,7 +19,7 @@ class File(Strict):
 
     name : its place in the folder of the collection
     source : path below the address of the collection, None where it has no address of its own
-    sha256 : of the original, None where it is unknown
+    sha256 : of the original, None where it is unknown, so that any is right
     reduced : SHA-256 of a reduced copy, with fewer columns or digits, gzipped
     """
 
@@ -32,10 +32,6 @@ class File(Strict):
     def names(self) -> tuple[str, str]:
         """Names of the original and of its reduced copy."""
         return self.name, f"{self.name}.gz"
-
-    def accepts(self, digest: str) -> bool:
-        """Whether a SHA-256 is right; any is, where that of the original is unknown."""
-        return self.sha256 is None or digest in (self.sha256, self.reduced)
 
 
 class Collection(Strict):
@@ -78,11 +74,6 @@ def cached(name: str) -> Path:
     return Path(home) / name
 
 
-def is_cached(name: str) -> bool:
-    """Whether the folder of a collection holds a file."""
-    return any(path.is_file() for path in cached(name).rglob("*"))
-
-
 def download_hint(name: str) -> str:
     """Part of an error message that says how to get a collection, "" for an unknown one."""
     return f", or get it with: frictionid data get {name}" if name in collections() else ""
@@ -96,7 +87,7 @@ def check_file(collection: str, name: str, digest: str, folder: Path) -> None:
     if collection not in collections():
         return
     for file in collections()[collection].files:
-        if name in file.names and not file.accepts(digest):
+        if name in file.names and file.sha256 and digest not in (file.sha256, file.reduced):
             hashes = f"{file.sha256} (original)"
             hashes += f" or {file.reduced} (reduced)" if file.reduced else ""
             raise InputError(
@@ -108,7 +99,7 @@ def check_file(collection: str, name: str, digest: str, folder: Path) -> None:
 def count_present(name: str) -> int:
     """Number of a collection's files that are in its folder, originals or reduced."""
     folder = cached(name)
-    return sum(_at(folder, file) is not None for file in collection_named(name).files)
+    return sum(_at(folder, *file.names) is not None for file in collection_named(name).files)
 
 
 def copy_collection(name: str, source: Path) -> list[str]:
@@ -126,7 +117,7 @@ def copy_collection(name: str, source: Path) -> list[str]:
         raise InputError(f"--from {source} is no folder; name the folder that holds the files")
     places, missing = {}, []
     for file in collection_named(name).files:
-        place = _at(source, file) or _original_at(source, file)
+        place = _at(source, *file.names, file.source or file.name)
         if place is None:
             missing.append(file.name)
             continue
@@ -155,7 +146,7 @@ def download(name: str, done: Callable[[str], None]) -> None:
     """
     collection, folder = collection_named(name), cached(name)
     for file in collection.files:
-        if _at(folder, file) is None:
+        if _at(folder, *file.names) is None:
             if not (file.source and file.sha256):
                 raise InputError(
                     f"{file.name} of {name} cannot be downloaded, nobody serves it at an address "
@@ -189,10 +180,6 @@ def _retrieve(url: str, file: File, folder: Path, name: str) -> None:
         ) from None
 
 
-def _at(folder: Path, file: File) -> Path | None:
-    return next((folder / name for name in file.names if (folder / name).is_file()), None)
-
-
-def _original_at(folder: Path, file: File) -> Path | None:
-    place = folder / (file.source or file.name)
-    return place if place.is_file() else None
+def _at(folder: Path, *names: str) -> Path | None:
+    """The first of the named files that is in a folder."""
+    return next((folder / name for name in names if (folder / name).is_file()), None)

@@ -61,13 +61,22 @@ def read(path: Path, settings: Mapping[str, Any]) -> Recording:
     file = str(path)
     log = _log(unzip(read_bytes(path), file), file)
     columns = _columns(log["entries"], file)
-    keep = _phase(columns["torque_enable"] > 0, chosen.phase, file)
+    driven = columns["torque_enable"] > 0
+    keep = _phase(driven, chosen.phase, file)
 
     def signal(value: Array) -> Signal:
         return Signal(columns["timestamp"], value[:, None])
 
     angle = signal(columns["position"] + chosen.offset)
-    servo = _servo(log, signal(columns["goal_position"] + chosen.offset), columns, chosen)
+    servo = Servo(  # its controller needs differences of angles only, not their zero
+        goal=signal(columns["goal_position"] + chosen.offset),
+        enabled=signal(driven.astype(float))._replace(hold="previous"),
+        gain=chosen.gain * log["kp"],
+        limit=chosen.limit,
+        supply=log["vin"] if chosen.vin is None else chosen.vin,
+        kt=chosen.kt,
+        R=chosen.R,
+    )
     signals = {
         "angle": angle,
         "torque": servo_torque(servo, angle),
@@ -94,22 +103,6 @@ def signed_word(word: Array) -> Array:
     array([ 3., -1.])
     """
     return np.where(word >= WORD / 2, word - WORD, word)
-
-
-def _servo(
-    log: Mapping[str, Any], goal: Signal, columns: Mapping[str, Array], settings: BamSettings
-) -> Servo:
-    """Servo of a log; its controller needs differences of angles only, not their zero."""
-    enabled = (columns["torque_enable"] > 0).astype(float)[:, None]
-    return Servo(
-        goal=goal,
-        enabled=Signal(goal.time, enabled, hold="previous"),
-        gain=settings.gain * log["kp"],
-        limit=settings.limit,
-        supply=log["vin"] if settings.vin is None else settings.vin,
-        kt=settings.kt,
-        R=settings.R,
-    )
 
 
 def _pendulum(log: Mapping[str, Any]) -> dict[str, float]:

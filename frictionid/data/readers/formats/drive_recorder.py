@@ -18,12 +18,13 @@ from frictionid.config import Strict, checked
 from frictionid.errors import InputError
 
 from ..column_toml import ColumnNames
-from ..csv_table import is_number, number, separator_of
+from ..csv_table import cell_number, is_number, separator_of
 from ..table import Table
 from ..unpacking import unzip
 
 _HEAD, _BELOW = 200, 60  # lines that may stand above the names, and between these and the numbers
 _NUMBERED = re.compile(r"\[\d+\]\Z")
+_REMEDY = "repair or delete the row"
 _SAME = 1e-9  # of the time, between two clocks that are one
 
 
@@ -58,8 +59,15 @@ def tables(
     places = {name: head.places[name] for name in names}
     places |= {f"{name}\0": place for name, place in clocks.items()}
     table = _rows(lines, head, places, [c for c in columns.clocks if c in places], file)
-    for name in clocks:
-        _check_clock(table, name, columns.clock_of(name), head.cells[clocks[name]])
+    for name, place in clocks.items():
+        said = columns.clock_of(name)
+        time, other = table.columns[said], table.columns[f"{name}\0"]
+        if not np.allclose(time, other, rtol=_SAME, atol=0.0, equal_nan=True):
+            raise InputError(
+                f"{file}: {name!r} stands behind the time {head.cells[place][:60]!r}, which "
+                f'differs from {said!r}: name it, as time = {{ angle = "...", torque = "..." }} in '
+                "[columns], or as time in [actuator]"
+            )
     return {"": table._replace(columns={name: table.columns[name] for name in names})}
 
 
@@ -171,40 +179,14 @@ def _rows(
         if cells[0] == "EOF" and not any(cells[1:]):
             break
         cells += [""] * (width - len(cells))
-        if not rows and row - head.line <= _BELOW and not _is_time(cells, places, clocks):
+        times = [cells[places[clock]] for clock in clocks if cells[places[clock]]]
+        if not rows and row - head.line <= _BELOW and not all(map(is_number, times)):
             continue  # units, scales and comments below the names
-        if any(cells[places[clock]] for clock in clocks):
+        if times:
             rows.append(row)
             for name, place in places.items():
-                picked[name].append(_number(cells[place], f"{file}, row {row}", head.cells[place]))
+                named = head.cells[place][:60]
+                picked[name].append(cell_number(cells[place], row, named, file, _REMEDY))
     if not rows:
         raise InputError(f"{file} has no rows of numbers below its names; record it again")
     return Table(file, np.array(rows), {name: np.array(times) for name, times in picked.items()})
-
-
-def _is_time(cells: Sequence[str], places: Mapping[str, int], clocks: Sequence[str]) -> bool:
-    """Whether the clocks' cells are numbers, or empty but for one."""
-    column = [cells[places[clock]] for clock in clocks if cells[places[clock]]]
-    return bool(column) and all(map(is_number, column))
-
-
-def _number(cell: str, where: str, name: str) -> float:
-    try:
-        return number(cell) if cell else np.nan
-    except ValueError:
-        raise InputError(
-            f"{where}: column {name[:60]!r} holds {cell[:40]!r}, which is no number; repair or "
-            "delete the row"
-        ) from None
-
-
-def _check_clock(table: Table, name: str, said: str, clock: str) -> None:
-    """Refuse a column whose own time column differs from the one it is said to have."""
-    time = table.columns[said]
-    other = table.columns[f"{name}\0"]
-    if not np.allclose(time, other, rtol=_SAME, atol=0.0, equal_nan=True):
-        raise InputError(
-            f"{table.file}: {name!r} stands behind the time {clock[:60]!r}, which differs from "
-            f'{said!r}: name it, as time = {{ angle = "...", torque = "..." }} in [columns], or '
-            "as time in [actuator]"
-        )

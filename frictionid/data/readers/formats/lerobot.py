@@ -59,7 +59,15 @@ def tables(
     for name in angles:
         low, high = chosen.range.get(_element(name), (-100.0, 100.0))
         picked[name] = low + (picked[name] + 100.0) * ((high - low) / 200.0)
-    return _episodes(Table(file, table.rows, picked), table.columns[_EPISODE], chosen)
+    episode, whole = table.columns[_EPISODE], Table(file, table.rows, picked)
+    if not np.isfinite(episode).all():
+        raise InputError(f"{file}: {_EPISODE} has empty cells; convert the data set again")
+    numbers = np.unique(episode)
+    return {
+        "" if len(numbers) == 1 else f"/episode_{number:.0f}": whole.taken(episode == number)
+        for number in numbers
+        if chosen.episodes is None or number in chosen.episodes
+    }
 
 
 def unstated(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
@@ -70,18 +78,6 @@ def unstated(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
         'LeRobot records "deg", "rad", or -100 to 100 of a calibrated range, whose limits then '
         "stand in range in [reader]",
     )
-
-
-def _episodes(table: Table, episode: np.ndarray, settings: LerobotSettings) -> dict[str, Table]:
-    """Rows of each episode."""
-    if not np.isfinite(episode).all():
-        raise InputError(f"{table.file}: {_EPISODE} has empty cells; convert the data set again")
-    numbers = np.unique(episode)
-    return {
-        "" if len(numbers) == 1 else f"/episode_{number:.0f}": table.taken(episode == number)
-        for number in numbers
-        if settings.episodes is None or number in settings.episodes
-    }
 
 
 def _check_range(settings: LerobotSettings, angles: set[str], file: str) -> None:

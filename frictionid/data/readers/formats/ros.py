@@ -6,7 +6,7 @@ whose `/joint_commands/time` is a clock of its own.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -76,37 +76,24 @@ def read(path: Path, settings: Mapping[str, Any]) -> Recording:
         raise InputError(
             f"{file}: the joint states have no effort; without motors set driven = [] in [reader]"
         )
-    time = _increasing(stamps, file)
-    torque = np.zeros_like(q)
-    for j, name in enumerate(names):
-        if u is not None and name in driven:
-            torque[:, j] = u[:, j]
-    parts = [part for part in (q, torque, w) if part is not None]
-    fault = first_fault(time, np.concatenate(parts, axis=1), ("time", *_labels(names, len(parts))))
+    back = np.flatnonzero(np.diff(stamps) <= 0)
+    if len(back):
+        raise InputError(
+            f"{file}, message {back[0] + 1} (the first is 0): time must increase; try clock = "
+            '"received" in [reader]'
+        )
+    torque = 0.0 * q if u is None else np.where([name in driven for name in names], u, 0.0)
+    parts = {"position": q, "effort": torque} | ({} if w is None else {"velocity": w})
+    labels = [f"{what} of {name}" for what in parts for name in names]
+    fault = first_fault(stamps, np.hstack([*parts.values()]), ("time", *labels))
     if fault:
         raise InputError(f"{file}, message {fault[0]} (the first is 0): {fault[1]}")
     return Recording(
         table_name(path.name),
-        Signal(time, q),
-        Signal(time, torque, chosen.hold),
-        velocity=None if w is None else Signal(time, w),
+        Signal(stamps, q),
+        Signal(stamps, torque, chosen.hold),
+        velocity=None if w is None else Signal(stamps, w),
     )
-
-
-def _labels(names: list[str], parts: int) -> list[str]:
-    return [
-        f"{what} of {name}" for what in ("position", "effort", "velocity")[:parts] for name in names
-    ]
-
-
-def _increasing(stamps: Array, file: str) -> Array:
-    k = int(np.argmax(np.diff(stamps) <= 0))
-    if np.diff(stamps)[k] <= 0:
-        raise InputError(
-            f"{file}, message {k + 1} (the first is 0): time must increase; try clock = "
-            '"received" in [reader]'
-        )
-    return stamps
 
 
 class Place(NamedTuple):
@@ -190,8 +177,12 @@ def joint_states(path: Path, topic: str, clock: str) -> list[tuple[int, Any]]:
     try:
         store = get_typestore(Stores.ROS2_HUMBLE)
         with AnyReader([path], default_typestore=store) as reader:
-            wanted = _connections(reader.connections, topic, path)
-            states = list(_stamped(reader, wanted, clock))
+            wanted, states = _connections(reader.connections, topic, path), []
+            for connection, received, raw in reader.messages(connections=wanted):
+                message = reader.deserialize(raw, connection.msgtype)
+                stamp = message.header.stamp
+                sent = stamp.sec * 10**9 + stamp.nanosec
+                states.append((received if clock == "received" else sent, message))
     except InputError:
         raise
     except Exception as error:  # whatever rosbags lets through of wrong bytes and lengths
@@ -216,14 +207,6 @@ def _connections(connections: Any, topic: str, path: Path) -> list[Any]:
     if chosen not in topics:
         raise InputError(f"{path}: [reader] topic = {topic!r} is unknown; {nearest(topic, topics)}")
     return [c for c in states if c.topic == chosen]
-
-
-def _stamped(reader: Any, connections: list[Any], clock: str) -> Iterator[tuple[int, Any]]:
-    """Stamp [ns] and message."""
-    for connection, received, raw in reader.messages(connections=connections):
-        message = reader.deserialize(raw, connection.msgtype)
-        stamp = message.header.stamp
-        yield (received if clock == "received" else stamp.sec * 10**9 + stamp.nanosec), message
 
 
 def values_of(messages: list[Any], names: list[str], field: str, file: str) -> Array | None:

@@ -7,11 +7,11 @@ arm computes: it is no measurement, and holds no more of the friction than that 
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import Field
+from pydantic import NonNegativeInt
 
-from frictionid.config import Strict, checked
+from frictionid.config import NonEmpty, Strict, checked
 
 from ..column_toml import ColumnNames
 from ..table import Table, read_table
@@ -25,7 +25,7 @@ class RtdeSettings(Strict):
     joints : numbers of the mechanism's joints, from 0; velocity : whether actual_qd is read, too
     """
 
-    joints: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0, 1, 2, 3, 4, 5]
+    joints: NonEmpty[NonNegativeInt] = [0, 1, 2, 3, 4, 5]
     velocity: bool = False
 
 
@@ -52,12 +52,9 @@ def defaults(document: dict[str, Any]) -> dict[str, Any]:
         fields |= {"velocity": "actual_qd"} if chosen.velocity else {}
         names = {key: [f"{field}_{j}" for j in chosen.joints] for key, field in fields.items()}
         document = {**document, "columns": {"time": "timestamp", **names}}
-    if _is_moment(document["columns"]) and "torque" not in document:
+    columns = document["columns"]
+    named = columns.get("torque", "") if isinstance(columns, dict) else ""
+    torques = named if isinstance(named, list) else [named]
+    if "torque" not in document and any(str(name).startswith(_MOMENT) for name in torques):
         document = {**document, "torque": {"at": "command"}}
     return document
-
-
-def _is_moment(columns: object) -> bool:
-    torque = columns.get("torque", "") if isinstance(columns, dict) else ""
-    names = torque if isinstance(torque, list) else [torque]
-    return any(str(name).startswith(_MOMENT) for name in names)
