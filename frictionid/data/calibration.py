@@ -69,9 +69,9 @@ class Calibration:
 
 def stack_calibrations(calibrations: list[Calibration]) -> Calibration:
     """One calibration with a new leading batch axis."""
-    names = [f.name for f in fields(Calibration)]
-    parts: dict[str, Any] = {n: _all([getattr(r, n) for r in calibrations]) for n in names}
-    return Calibration(**parts)
+    columns = ([getattr(c, f.name) for c in calibrations] for f in fields(Calibration))
+    parts: Any = map(_all, columns)
+    return Calibration(*parts)
 
 
 def _all(values: list[Array | None]) -> Array | None:
@@ -107,14 +107,11 @@ def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
     plant = plant_of(dataset)
     if calibration.base is None:
         return plant
-    mechanism = dataset.mechanism
-    nominal = mechanism.nominal_base
-    if np.shape(calibration.base)[-1] != len(nominal):
-        names = ", ".join(plant.mechanism.base_names)
+    nominal, count = dataset.mechanism.nominal_base, np.shape(calibration.base)[-1]
+    if count != len(nominal):
         raise InputError(
-            f"data set {dataset.name!r}: the model's calibration has "
-            f"{np.shape(calibration.base)[-1]} base parameters, this mechanism has {len(nominal)} "
-            f"({names})"
+            f"data set {dataset.name!r}: the model's calibration has {count} base parameters, this "
+            f"mechanism has {len(nominal)} ({', '.join(plant.mechanism.base_names)})"
         )
     return replace(plant, p=plant.p + (calibration.base - nominal))
 

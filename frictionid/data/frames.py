@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.files import sha256
-from frictionid.mechanics import Mechanism
 
 from .readers.column_toml import SPELLINGS
 from .readers.dataset_toml import DatasetToml, check_dataset_toml
@@ -175,16 +174,14 @@ def _table(frame: Any, names: Sequence[str], where: str) -> Table:
         if name == INDEX and name not in labels:
             columns[name] = _numbers(frame.index, "index", where)
             continue
-        if labels.count(name) != 1:
-            raise InputError(_no_single_column(name, labels, where))
+        if name not in labels:
+            raise InputError(f"{where}: has no column {name!r}; {nearest(name, labels)}")
+        if labels.count(name) > 1:
+            raise InputError(
+                f"{where}: has {labels.count(name)} columns called {name!r}; rename them"
+            )
         columns[name] = _numbers(frame[frame.columns[labels.index(name)]], name, where)
     return with_times(Table(where, np.arange(length), columns), names)
-
-
-def _no_single_column(name: str, labels: Sequence[str], where: str) -> str:
-    if name in labels:
-        return f"{where}: has {labels.count(name)} columns called {name!r}; rename them"
-    return f"{where}: has no column {name!r}; {nearest(name, labels)}"
 
 
 def _numbers(values: Any, name: str, where: str) -> Array:
@@ -250,16 +247,6 @@ def columns_of_arrays(
         columns |= dict(zip(names[key], filled.T, strict=True))
     clock = "torque_time" if names.pop("torque_time", None) else "time"
     return pd.DataFrame(columns), names | {"time": {"angle": "time", "torque": clock}}
-
-
-def check_columns(count: int, mechanism: Mechanism, where: str) -> None:
-    """Refuse another number of columns of angles than the mechanism has joints."""
-    if count != mechanism.n:
-        raise InputError(
-            f"{where} has {count} column{'s' * (count > 1)} of angles, but {mechanism.kind} has "
-            f"{mechanism.n} joint{'s' * (mechanism.n > 1)}; give one column per joint, or another "
-            "mechanism"
-        )
 
 
 def _matrix(array: ArrayLike, where: str) -> Array:

@@ -49,7 +49,7 @@ def joint_scales(position_units: Sequence[str], angles: Sequence[Signal]) -> Joi
     noise = np.max([_noise(a.value) for a in angles], axis=0)
     fast = np.max([_fast(a, noise) for a in angles], axis=0)
     size = joint_sizes(position_units, np.concatenate([a.value for a in angles]), _CLEAR * noise)
-    revolute = np.array([unit == "rad" for unit in position_units])
+    revolute = np.array(position_units) == "rad"
     usual = SLOW_TURN * np.where(revolute, 1.0, size)
     slow = np.where(fast > 0, SLOW_SHARE * fast, usual)
     return JointScales(size, fast, np.where(revolute, np.minimum(slow, SLOW_TURN), slow))
@@ -87,7 +87,7 @@ def joint_sizes(position_units: Sequence[str], positions: Any, least: Array | fl
     flat = positions.reshape(-1, positions.shape[-1])
     travel = np.nanmax(flat, axis=0) - np.nanmin(flat, axis=0)
     size = np.maximum(TRAVEL * travel, least)
-    revolute = np.array([unit == "rad" for unit in position_units])
+    revolute = np.array(position_units) == "rad"
     return np.where(revolute & (size > 0), np.minimum(size, TURN), np.where(size > 0, size, 1.0))
 
 

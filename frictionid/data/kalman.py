@@ -172,7 +172,7 @@ def likeliest_jerk_ratio(series: Series) -> Array:
     slowest, out = _slowest(series), np.empty(series.value.shape[1])
     for low in np.unique(slowest):
         rows = slowest == low
-        out[rows] = _likeliest(series if rows.all() else series.picked(rows), low)
+        out[rows] = _likeliest(series.picked(rows), low)
     return out
 
 

@@ -54,10 +54,9 @@ def prediction_residuals(
 
     fit : of the series without the samples that are left out
     """
-    rows, inside = _reversal(series)
     kept = series.without(left_out)
     x, P = _by_the_past(kept, fit)
-    back = _reversed(kept, rows, inside)
+    rows, back = _reversed(kept, series.valid.sum(axis=0))
     y, Q = _by_the_past(back, kalman_filter(back, fit.rho))
     y = np.take_along_axis(y, rows[None], axis=1) * _TURNED[:, None, None]
     Q = np.take_along_axis(Q, rows[None], axis=1) * _TURNED_SQUARES[:, None, None]
@@ -82,19 +81,18 @@ def _by_the_past(series: Series, fit: FilterOutput) -> tuple[Array, Array]:
     return x, P
 
 
-def _reversal(series: Series) -> tuple[Array, Array]:
-    """Rows (T, S) of the samples from last to first; behind the end, none, they are their own."""
+def _reversed(series: Series, length: Array) -> tuple[Array, Series]:
+    """Rows (T, S) of the samples from last to first, and the series in this order.
+
+    length : (S,) number of samples; behind the end rows stay
+    """
     at = np.arange(len(series.dt))[:, None]
-    length = series.valid.sum(axis=0)
-    return np.where(at < length, length - 1 - at, at), at < length
-
-
-def _reversed(series: Series, rows: Array, inside: Array) -> Series:
-    """The series backward in time."""
+    inside = at < length
+    rows = np.where(inside, length - 1 - at, at)
     value, noise, valid = (np.take_along_axis(x, rows, axis=0) for x in series[1:4])
     later = np.minimum(rows + 1, len(rows) - 1)
     dt = np.where(inside, np.take_along_axis(series.dt, later, axis=0), series.dt)
-    return Series(dt, value, noise, valid, ())
+    return rows, Series(dt, value, noise, valid, ())
 
 
 _GATE, _CANDIDATE = 6.0, 4.0

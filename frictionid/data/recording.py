@@ -1,7 +1,7 @@
 """One uninterrupted measurement, checked when it is made."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -82,7 +82,14 @@ class Recording:
         where = f"recording {self.name!r}"
         if self.torque.hold is None:
             object.__setattr__(self, "torque", self.torque._replace(hold=TORQUE_HOLD))
-        for label, signal in self._motions():
+        motions = {"angle": self.angle, "torque": self.torque}
+        if self.velocity is not None:
+            motions["velocity"] = self.velocity
+        if self.truth is not None:
+            motions |= {"true angle": self.truth.angle, "true velocity": self.truth.velocity}
+        if self.servo is not None:
+            motions |= {"goal": self.servo.goal, "enabled": self.servo.enabled}
+        for label, signal in motions.items():
             check_signal(f"{where}, {label}", signal)
             if column_count(signal) != column_count(self.angle):
                 raise InputError(
@@ -104,16 +111,6 @@ class Recording:
         samples, joints = np.shape(self.angle.value)
         span = self.angle.duration
         return f"Recording({self.name!r}: {joints} joints, {samples} samples, {span:g} s)"
-
-    def _motions(self) -> Iterator[tuple[str, Signal]]:
-        """Signals with one column per joint, with their names in errors."""
-        yield from (("angle", self.angle), ("torque", self.torque))
-        if self.velocity is not None:
-            yield "velocity", self.velocity
-        if self.truth is not None:
-            yield from (("true angle", self.truth.angle), ("true velocity", self.truth.velocity))
-        if self.servo is not None:
-            yield from (("goal", self.servo.goal), ("enabled", self.servo.enabled))
 
     def changed(
         self, motion: Callable[[Signal], Signal], inputs: Callable[[Signal], Signal]

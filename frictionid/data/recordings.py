@@ -20,7 +20,6 @@ from .frames import (
     Times,
     Units,
     by_name,
-    check_columns,
     columns_of_arrays,
     read_frames,
     toml_of_columns,
@@ -331,6 +330,11 @@ def _of_frames(
             raise InputError(f"parameters: there is no recording {key!r}; {nearest(key, reads)}")
     recordings = tuple(recording for recording, _ in reads.values())
     data = Dataset(name, machine, recordings, {key: sha for key, (_, sha) in reads.items()})
-    where = f"data set {name!r}: recording {recordings[0].name!r}"
-    check_columns(column_count(recordings[0].angle), machine, where)
+    count, n = column_count(recordings[0].angle), machine.n
+    if count != n:
+        raise InputError(
+            f"data set {name!r}: recording {recordings[0].name!r} has {count} "
+            f"column{'s' * (count > 1)} of angles, but {machine.kind} has {n} joint{'s' * (n > 1)};"
+            " give one column per joint, or another mechanism"
+        )
     return data

@@ -158,8 +158,8 @@ class Servo:
     def at(self, time: Array) -> Controller:
         """The torque at times (K,), as a function of the motion."""
         then, has_motor = time - self.target_delay, self.has_motor
-        K, volts = self.ratio * self.kt, 1.0 if self.output == "voltage" else self._supply(time)
-        share = {"torque": 1.0, "current": K}.get(self.output, volts * K / self.R)
+        K = self.ratio * self.kt
+        share = {"torque": 1.0, "current": K}.get(self.output, self._volts(time) * K / self.R)
         motor = self.envelope
         controller = Controller(
             command=np.sum([factor * _sampled(x, then) for factor, x in self.targets], axis=0),
@@ -178,8 +178,7 @@ class Servo:
 
     def voltage(self, time: Array, q: Array) -> Array:
         """Voltage (K, n) [V] of the controller at times (K,) with the joints at q (K, n)."""
-        volts = 1.0 if self.output == "voltage" else self._supply(time)
-        return volts * self.at(time).output(q, 0.0)
+        return self._volts(time) * self.at(time).output(q, 0.0)
 
     def torque(self, time: Array, q: Array, w: Array) -> Array:
         """Torque (K, n) [N m] at times (K,), joints seen at q (K, n), moving at w (K, n)."""
@@ -221,7 +220,10 @@ class Servo:
                 steps.append(_changes(aim) + self.target_delay)
         return np.unique(np.concatenate(steps))
 
-    def _supply(self, time: Array) -> float | Array:
+    def _volts(self, time: Array) -> float | Array:
+        """Voltage [V] of an output of one."""
+        if self.output == "voltage":
+            return 1.0
         return sample(self.supply, time) if isinstance(self.supply, Signal) else self.supply
 
 
