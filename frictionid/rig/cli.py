@@ -1,6 +1,6 @@
 """frictionid track, render, align, log, excite, simulate-drive: films, clocks and drives."""
 
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -196,18 +196,12 @@ def log(
     seconds : Duration [s]; by default Ctrl-C ends it.
     patience : End when no line has come for so long [s].
     """
-    from .log import Logger, ProgressLine, counts_text, log_until, stop_requests
+    from .log import log_until, open_logger, stop_requests
     from .rig_settings import load_rig_settings
 
     settings = load_rig_settings(rig)
-    with (
-        stop_requests() as stop,
-        ProgressLine(settings.protocol.columns) as show,
-        closing(Logger(port, settings, out, append=append, show=show)) as logger,
-    ):
+    with stop_requests() as stop, open_logger(port, settings, out, append=append) as logger:
         log_until(logger, stop, seconds, patience)
-    print(counts_text(logger.counts))
-    print(f"written to {out}")
 
 
 def excite(
@@ -236,7 +230,7 @@ def excite(
     silence : Ramp down when the drive is silent [s].
     append : Continue an existing log.
     """
-    from .log import Logger, ProgressLine, counts_text, stop_requests
+    from .log import open_logger, stop_requests
     from .playback import PlaySettings, keys, load_signal
     from .playback import excite as play
     from .rig_settings import load_rig_settings
@@ -246,8 +240,7 @@ def excite(
     with (
         stop_requests() as asked,
         keys() as key,
-        ProgressLine(settings.protocol.columns) as show,
-        closing(Logger(port, settings, out, append=append, show=show)) as logger,
+        open_logger(port, settings, out, append=append) as logger,
     ):
 
         def stop() -> str:
@@ -257,8 +250,6 @@ def excite(
             return "ramp" if asked() else ""
 
         reason = play(logger, torque, how, stop)
-    print(counts_text(logger.counts))
-    print(f"written to {out}")
     if reason:
         print(f"not played to its end: {reason}")
         raise typer.Exit(1)

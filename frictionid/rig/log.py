@@ -176,7 +176,12 @@ class Logger:
         """
         rows: list[Cells] = []
         if self._port is None:
-            self._reconnect(timeout)
+            try:
+                self._port = Port(self._name, self.rig.protocol.baud)
+            except InputError:
+                time.sleep(min(timeout, _RETRY))
+            else:
+                self._begin()
         if self._port is not None:
             try:
                 rows = self._take(self._port.read(timeout))
@@ -210,27 +215,24 @@ class Logger:
         self._remainder = lines.remainder
         host = f"{self._zero + time.monotonic():.6f}"
         self._out.append([log_row(self.rig, host, cells) for cells in lines.rows])
-        self._count(lines.rows, lines.rejected, len(new))
-        return lines.rows
-
-    def _count(self, rows: list[Cells], rejected: list[Rejected], size: int) -> None:
         counts = self.counts
-        counts.size += size
-        counts.rejected += len(rejected)
-        self._bad.extend(rejected)
+        counts.size += len(new)
+        counts.rejected += len(lines.rejected)
+        self._bad.extend(lines.rejected)
         before = counts.last
-        for cells in rows:
+        for cells in lines.rows:
             if before:
                 back = float(before[self._at]) - float(cells[self._at])
                 # a larger step back is a counter that wraps around
                 counts.restarts += 0 < back < self.rig.protocol.wrap / 2
             before = cells
         counts.last = before
-        counts.rows += len(rows)
+        counts.rows += len(lines.rows)
         hopeless = counts.rejected >= _MAX_REJECTED or counts.size >= _MAX_BYTES
         if hopeless and not counts.rows:
             bad = [*self._bad, *([Rejected(self._remainder, "garbage")] if not self._bad else [])]
             raise InputError(f"port {self._name}: {diagnosis(self.rig.protocol, bad, counts.size)}")
+        return lines.rows
 
     def _begin(self) -> None:
         self._remainder = b""
@@ -244,53 +246,38 @@ class Logger:
         self._port = None
         self.counts.unplugged += 1
 
-    def _reconnect(self, timeout: float) -> None:
-        try:
-            self._port = Port(self._name, self.rig.protocol.baud)
-        except InputError:
-            time.sleep(min(timeout, _RETRY))
-        else:
-            self._begin()
-
 
 _PUMP = 0.1  # [s]
 _SHOW = 0.5  # [s] between two lines that are shown
 
 
-class ProgressLine:
-    """One line that is rewritten on a terminal; elsewhere only connections are reported."""
+@contextlib.contextmanager
+def progress_line(columns: Sequence[str]) -> Iterator[Callable[[Counts, bool], None]]:
+    """Shows counts in one line that is rewritten on a terminal; elsewhere only connections."""
+    stream, at, rows, there = sys.stderr, time.monotonic(), 0, True
+    clear = "\r\033[K" if stream.isatty() else ""
 
-    def __init__(self, columns: Sequence[str]) -> None:
-        self._columns, self._stream = columns, sys.stderr
-        self._live = self._stream.isatty()
-        self._at, self._rows = time.monotonic(), 0
-        self._connected = True
+    def say(text: str) -> None:
+        stream.write(clear + text)
+        stream.flush()
 
-    def __call__(self, counts: Counts, connected: bool) -> None:
-        """Show the counts."""
-        if connected != self._connected:
-            self._say("the port is back" if connected else "the port is gone: waiting for it")
-            self._connected = connected
+    def show(counts: Counts, connected: bool) -> None:
+        nonlocal at, rows, there
+        if connected != there:
+            say("the port is back\n" if connected else "the port is gone: waiting for it\n")
+            there = connected
         now = time.monotonic()
-        if now - self._at < _SHOW:
+        if now - at < _SHOW:
             return
-        rate = (counts.rows - self._rows) / (now - self._at)
-        self._at, self._rows = now, counts.rows
-        if self._live:
-            self._stream.write(f"\r\033[K{progress(self._columns, counts, rate)}")
-            self._stream.flush()
+        rate = (counts.rows - rows) / (now - at)
+        at, rows = now, counts.rows
+        if clear:
+            say(progress(columns, counts, rate))
 
-    def __enter__(self) -> "ProgressLine":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._live:
-            self._stream.write("\r\033[K")
-            self._stream.flush()
-
-    def _say(self, text: str) -> None:
-        self._stream.write(f"\r\033[K{text}\n" if self._live else f"{text}\n")
-        self._stream.flush()
+    try:
+        yield show
+    finally:
+        say("")
 
 
 def progress(columns: Sequence[str], counts: Counts, rate: float) -> str:
@@ -311,6 +298,18 @@ def counts_text(counts: Counts) -> str:
         f"{counts.rows} lines, {counts.rejected} damaged, {counts.unplugged} unplugged, "
         f"{counts.restarts} restarts"
     )
+
+
+@contextlib.contextmanager
+def open_logger(port: str, rig: RigSettings, out: Path, *, append: bool) -> Iterator[Logger]:
+    """A logger that shows its progress and, at its end, what it has counted and written."""
+    with (
+        progress_line(rig.protocol.columns) as show,
+        contextlib.closing(Logger(port, rig, out, append=append, show=show)) as logger,
+    ):
+        yield logger
+    print(counts_text(logger.counts))
+    print(f"written to {out}")
 
 
 @contextlib.contextmanager

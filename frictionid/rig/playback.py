@@ -87,23 +87,19 @@ def excite(logger: Logger, signal: Signal, settings: PlaySettings, stop: Callabl
 
     Whatever happens, the last that the drive receives is zero torque and its stop command.
     """
+    end = time.monotonic() + max(4 * settings.silence, 1.0)
     try:
-        _wait_for_drive(logger, settings)
+        while not logger.pump(_PUMP):
+            if time.monotonic() > end:
+                raise InputError(
+                    "the drive is silent: nothing is played to a drive that does not report"
+                )
         return _played(logger, signal, settings, stop)
     finally:
         for _ in range(_REPEATS):
             _command(logger, np.zeros(len(logger.rig.motors)))
             logger.send(logger.rig.protocol.stop)
         logger.pump(_PUMP)
-
-
-def _wait_for_drive(logger: Logger, settings: PlaySettings) -> None:
-    end = time.monotonic() + max(4 * settings.silence, 1.0)
-    while not logger.pump(_PUMP):
-        if time.monotonic() > end:
-            raise InputError(
-                "the drive is silent: nothing is played to a drive that does not report"
-            )
 
 
 def _played(logger: Logger, signal: Signal, settings: PlaySettings, stop: Callable[[], str]) -> str:

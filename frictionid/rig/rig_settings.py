@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import xor
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import PositiveInt, model_validator
 
 from frictionid.config import NonEmpty, Positive, Strict, checked, nearest, read_toml
 from frictionid.errors import InputError
@@ -62,7 +62,7 @@ class LineProtocol(Strict):
     checksum: Literal["none", "xor", "crc16"] = "none"
     mark: str = ""
     separator: str = ","
-    baud: Annotated[int, Field(gt=0)] = 115200
+    baud: PositiveInt = 115200
     begin: str = ""
     send: str = "u,{value}"
     stop: str = "stop"

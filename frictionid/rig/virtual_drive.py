@@ -10,7 +10,7 @@ from collections import deque
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeInt
 
 from frictionid.config import NotNegative, Positive, validated
 from frictionid.data.recordings import Dataset
@@ -52,8 +52,8 @@ class Drive:
     lag: NotNegative = 0.0
     noise: NotNegative = 0.0
     damaged: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    unplugged: Annotated[int, Field(ge=0)] = 0
-    restarts: Annotated[int, Field(ge=0)] = 0
+    unplugged: NonNegativeInt = 0
+    restarts: NonNegativeInt = 0
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -99,9 +99,13 @@ class Controller:
         if self._restarts and k >= self._restarts[0]:
             self._restarts.pop(0)
             self._booted = self._clock(time)
-        command, measured = self._torques(k, time)
-        texts = self._texts(self._clock(time) - self._booted, command, measured)
-        return written(self._form, texts)
+        protocol, clock = self._form, self._clock(time) - self._booted
+        values = {"time": _stamp(clock, protocol.unit, protocol.wrap)}
+        for motor, c, u in zip(self.drive.rig.motors, *self._torques(k, time), strict=True):
+            values[motor.measured] = f"{u / motor.per_measured:.6f}"
+            if motor.command:
+                values[motor.command] = f"{c / motor.per_command:.6f}"
+        return written(protocol, [values.get(name, "0") for name in protocol.columns])
 
     def damaged(self, line: bytes) -> bytes | None:
         """The line with a fault, or None where it stays undamaged."""
@@ -134,6 +138,7 @@ class Controller:
         self._heard = time
 
     def _torques(self, k: int, time: float) -> tuple[Array, Array]:
+        """Commanded and measured torques [N m] of the motors."""
         if not self._obeyed:
             return self._commanded[k], self._measured[k]
         command, late = self._command_at(time), self._command_at(time - self.drive.lag)
@@ -149,15 +154,6 @@ class Controller:
 
     def _clock(self, time: float) -> float:
         return (time - self.drive.offset) / (1.0 + self.drive.drift)
-
-    def _texts(self, clock: float, command: Array, measured: Array) -> list[str]:
-        protocol = self._form
-        values = {"time": _stamp(clock, protocol.unit, protocol.wrap)}
-        for motor, c, u in zip(self.drive.rig.motors, command, measured, strict=True):
-            values[motor.measured] = f"{u / motor.per_measured:.6f}"
-            if motor.command:
-                values[motor.command] = f"{c / motor.per_command:.6f}"
-        return [values.get(name, "0") for name in protocol.columns]
 
 
 def broken_line(line: bytes, generator: np.random.Generator) -> bytes:

@@ -9,7 +9,6 @@ import struct
 import termios
 import time
 import tty
-from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -111,7 +110,6 @@ class Playback:
 
     speed : times real time, infinite for as fast as they are read
     sent : file for the undamaged lines
-    before_unplug : waits until all lines have been read; by default `Terminal.drain`
     """
 
     def __init__(
@@ -121,10 +119,8 @@ class Playback:
         *,
         speed: float = 1.0,
         sent: BinaryIO | None = None,
-        before_unplug: Callable[[], None] | None = None,
     ) -> None:
         self._drive, self._terminal, self._sent = drive, terminal, sent
-        self._drain = before_unplug or terminal.drain
         self._controller = Controller(drive)
         self._unplug_at = unplug_moments(drive)
         self._rate, self._speed = drive.rate * speed, speed
@@ -150,7 +146,7 @@ class Playback:
                 self._next = stop
                 self._wait_for_host()
                 self._next = self._resumed(stop)
-        self._drain()
+        self._terminal.drain()
         return self._good
 
     def _due(self) -> int:
@@ -178,7 +174,7 @@ class Playback:
         """Pull the cable in the middle of a line, and plug it in again."""
         self._unplug_at.pop(0)
         self._send(self._controller.line(self._next)[:_HALF_LINE])
-        self._drain()
+        self._terminal.drain()
         self._terminal.unplug()
         time.sleep(_UNPLUGGED / max(self._speed, 1.0))
         self._terminal.plug()

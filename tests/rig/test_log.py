@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.rig.log import Port, ProgressLine, log_until, progress, stop_requests
+from frictionid.rig.log import Counts, Port, log_until, progress, progress_line, stop_requests
 from frictionid.rig.logfile import Appender, Log, log_header, log_row, read_log
 from frictionid.rig.rig_settings import parsed, written
 from frictionid.rig.virtual_port import Terminal
@@ -286,9 +286,7 @@ def test_a_request_to_stop_ends_the_log_with_all_rows_safe(opened, protocol, tmp
 
 
 def test_what_is_shown_names_what_happens(capsys):
-    from frictionid.rig.log import Counts
-
-    with ProgressLine(("time",)) as show:
+    with progress_line(("time",)) as show:
         for connected in (True, False, True):
             show(Counts(), connected)
     assert capsys.readouterr().err.splitlines() == [

@@ -1,6 +1,6 @@
 """Videos of simulated recordings: exposure blur, noise, jitter, dropped frames, occlusions."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -100,7 +100,7 @@ def shots(film: Film, motion: TrueMotion) -> Iterator[Shot]:
     scene = Scene(film.look, film.view, film.seed, film.sync_led)
     angle = CubicHermiteSpline(motion.angle.time, motion.angle.value, motion.velocity.value)
     bank = _noise(film, rng)
-    occluder = _Occluder(film, rng)
+    occlude = _occluder(film, rng)
     for time in _times(film, motion, rng):
         within = np.array([-0.5, 0.0, 0.5]) * film.exposure + time
         ends = film.view.pixels(chain(angle(within), np.array(film.lengths)))
@@ -111,7 +111,7 @@ def shots(film: Film, motion: TrueMotion) -> Iterator[Shot]:
         markers = film.view.pixels(chain(angle(at), np.array(film.lengths)))
         lit = 0.0 if film.sync_led is None else film.sync_led.share(*within[[0, -1]].tolist())
         image = scene.picture(markers, lit)
-        hidden = occluder.draw(image, ends[1])
+        hidden = occlude(image, ends[1])
         yield Shot(float(time), _noisy(image, bank, rng), hidden)
 
 
@@ -183,30 +183,31 @@ def _noisy(image: Image, bank: Array | None, rng: np.random.Generator) -> Image:
     return np.asarray(cv2.add(image, part, dtype=cv2.CV_8U), dtype=np.uint8)
 
 
-class _Occluder:
-    """A grey rectangle that occludes one of the dots now and then, for one to four frames."""
+def _occluder(film: Film, rng: np.random.Generator) -> Callable[[Image, Array], Array]:
+    """Draws a grey rectangle that occludes one of the dots now and then, for one to four frames.
 
-    def __init__(self, film: Film, rng: np.random.Generator):
-        self.film, self.rng = film, rng
-        self.left, self.marker, self.offset, self.half = 0, 1, np.zeros(2), np.zeros(2)
+    It returns which markers (n + 1,) are occluded wholly or in part.
+    """
+    left, marker, offset, half = 0, 1, np.zeros(2), np.zeros(2)
+    r = film.look.radius
 
-    def draw(self, image: Image, markers: Array) -> Array:
-        """Draw it, and which markers (n + 1,) it occludes wholly or in part."""
-        film, rng = self.film, self.rng
+    def draw(image: Image, markers: Array) -> Array:
+        nonlocal left, marker, offset, half
         hidden = np.zeros(len(markers), dtype=bool)
         if not film.hidden:
             return hidden
-        if not self.left and rng.random() < film.hidden / 2.5:  # 2.5 frames on average
-            self.left = int(rng.integers(1, 5))
-            self.marker = int(rng.integers(1, len(markers)))
-            self.half = rng.uniform(film.look.radius, 4 * film.look.radius, 2)
-            self.offset = rng.uniform(-1, 1, 2) * (self.half + 0.7 * film.look.radius)
-        if self.left:
-            self.left -= 1
-            middle = markers[self.marker] + self.offset
-            low = np.floor(middle - self.half).astype(int).tolist()
-            high = np.ceil(middle + self.half).astype(int).tolist()
+        if not left and rng.random() < film.hidden / 2.5:  # 2.5 frames on average
+            left = int(rng.integers(1, 5))
+            marker = int(rng.integers(1, len(markers)))
+            half = rng.uniform(r, 4 * r, 2)
+            offset = rng.uniform(-1, 1, 2) * (half + 0.7 * r)
+        if left:
+            left -= 1
+            middle = markers[marker] + offset
+            low = np.floor(middle - half).astype(int).tolist()
+            high = np.ceil(middle + half).astype(int).tolist()
             cv2.rectangle(image, low, high, (70, 75, 80), -1)
-            r = film.look.radius
-            hidden = (np.abs(markers - middle) < self.half + r).all(axis=-1)
+            hidden = (np.abs(markers - middle) < half + r).all(axis=-1)
         return hidden
+
+    return draw
