@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.config import NonEmpty, Strict, checked
 from frictionid.data.readers.column_toml import UNITS
-from frictionid.data.readers.table import Table, read_table, signal_of
+from frictionid.data.readers.table import read_table, signal_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import TORQUE_HOLD, Signal, cut
 from frictionid.data.two_clock_table import joint_columns
@@ -381,12 +381,9 @@ def read_angles(
     angle = signal_of(complete, time, names, unit=unit)
     if sigma:
         angle = angle._replace(sigma=signal_of(complete, time, sigma, unit=unit).value)
-    return angle, _column(table, time, marker) if marker else None
-
-
-def _column(table: Table, time: str, name: str) -> Signal:
-    """A column as a signal, in all rows that have it and a time."""
-    complete = table.complete([time, name])
-    if len(complete.rows) < 2:
-        raise InputError(f"{table.file}: the column {name!r} is empty; name another --marker")
-    return signal_of(complete, time, [name])
+    if not marker:
+        return angle, None
+    lit = table.complete([time, marker])
+    if len(lit.rows) < 2:
+        raise InputError(f"{file}: the column {marker!r} is empty; name another --marker")
+    return angle, signal_of(lit, time, [marker])

@@ -1,6 +1,6 @@
 """Offset and drift between the clocks of angles and torque, from the motion, with intervals."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -89,8 +89,7 @@ class Clock(NamedTuple):
         return Clock(self.offset + delay, self.drift + drift * (1.0 + self.drift), self.at)
 
 
-@dataclass(frozen=True, eq=False)
-class Alignment:
+class Alignment(NamedTuple):
     """Estimated relation of the clocks.
 
     Attributes

@@ -82,8 +82,16 @@ def coarse_offset(
     asked = rows.required(base[None])
     offsets, explained, reversed_ = correlate(rows, asked, torque, driven)
     peaks = _peaks(offsets, explained)
+    if not len(peaks) and torque.duration < _OVERLAP * angle.duration:
+        raise InputError(
+            f"the log ({torque.duration:.3g} s) covers less than half of the motion "
+            f"({angle.duration:.3g} s): log as long as the camera records"
+        )
     if not len(peaks):
-        raise InputError(_uncovered(angle.duration, torque.duration))
+        raise InputError(
+            "the driven joints slide too little, or not while the log was written, to find the "
+            "motion in it: record livelier motion, such as the response to several pulses of torque"
+        )
     refined = sorted(_refined(rows, base, angle, torque, float(p)) for p in peaks)
     best = refined[0]
     others = [r for r in refined[1:] if abs(r[1] - best[1]) > _SEPARATION]
@@ -91,18 +99,6 @@ def coarse_offset(
     out = CoarseOffset(best[1], best[0], second[::-1], float(reversed_.max()), offsets, explained)
     _check(out)
     return out
-
-
-def _uncovered(motion: float, log: float) -> str:
-    if log < _OVERLAP * motion:
-        return (
-            f"the log ({log:.3g} s) covers less than half of the motion ({motion:.3g} s): log as "
-            "long as the camera records"
-        )
-    return (
-        "the driven joints slide too little, or not while the log was written, to find the motion "
-        "in it: record livelier motion, such as the response to several pulses of torque"
-    )
 
 
 def _check(offset: CoarseOffset) -> None:
@@ -203,7 +199,9 @@ def _joint_sums(
     Q = orth(shapes / np.where(size > 0, size, 1.0), rcond=1e-6)
     y = on_grid(asked[:, j])
     y = y - Q @ (Q.T @ y)
-    x = _means(torque._replace(value=torque.value[:, [j]]), log)[::-1]
+    half, recording = STEP * round(WIDTH / 2 / STEP), np.zeros(len(log), dtype=int)
+    logged = integrals_of([torque._replace(value=torque.value[:, [j]])])
+    x = window_means(logged, recording, log - half, log + half)[::-1, 0]
     energy = _convolved(moves, x**2)
     for q in Q.T:
         energy -= _convolved(q, x) ** 2
@@ -215,12 +213,6 @@ def _convolved(a: Array, b: Array) -> Array:
     size = len(a) + len(b) - 1
     fast = next_fast_len(size)
     return irfft(rfft(a, fast) * rfft(b, fast), fast)[:size]
-
-
-def _means(torque: Signal, clock: Array) -> Array:
-    """Mean torque over a window around each time of a clock."""
-    half, recording = STEP * round(WIDTH / 2 / STEP), np.zeros(len(clock), dtype=int)
-    return window_means(integrals_of([torque]), recording, clock - half, clock + half)[:, 0]
 
 
 def _peaks(offsets: Array, explained: Array) -> Array:

@@ -16,7 +16,6 @@ from frictionid.config import read_toml
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.table import table_name
-from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import TORQUE_HOLD, Signal
 from frictionid.data.two_clock_table import CAMERA, DRIVE, decimal_cells, two_clock_csv
 from frictionid.errors import InputError
@@ -35,7 +34,6 @@ from frictionid.report.numbers import either
 
 from .align_files import Aligned, align_files, load_rig
 from .cross_correlation import CoarseOffset
-from .drive_response import DriveResponse
 
 ORIGIN = "aligned by frictionid align"
 _DECIMALS = 9
@@ -88,27 +86,24 @@ def align(
         raise InputError(f"hold = {hold!r} is unknown; known: linear, previous")
     if offset is not None and not math.isfinite(offset):
         raise InputError(f"offset = {offset} must be a finite number of seconds")
-    name, loaded = name or recording_name(Path(angles)), load_rig(Path(rig))
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "_", table_name(Path(angles).name))
+    name, loaded = name or stem or "recording", load_rig(Path(rig))
     head = loaded.head(hold)
     if folder is not None:
         check_place(Path(folder), name, head, replace)
     aligned = align_files(
         *(Path(angles), Path(torque), loaded), name=name, marker=marker, offset=offset, hold=hold
     )
-    if folder is not None:
-        _write(aligned, head, Path(folder))
-    return aligned
-
-
-def _write(aligned: Aligned, head: Mapping[str, Any], folder: Path) -> None:
-    """Add the recording to a data set, its numbers and pictures beside it."""
-    name, pictures = aligned.name, {"clock": png(partial(clock_picture, aligned))}
+    if folder is None:
+        return aligned
+    pictures = {"clock": png(partial(clock_picture, aligned))}
     if aligned.command is not None and any(aligned.responses):
         pictures["command"] = png(partial(command_picture, aligned, aligned.command))
-    add_recording(folder, name, head, aligned.angle, aligned.torque)
-    write_text(folder / f"{name}.align.toml", tomli_w.dumps(aligned.document))
+    add_recording(Path(folder), name, head, aligned.angle, aligned.torque)
+    write_text(Path(folder) / f"{name}.align.toml", tomli_w.dumps(aligned.document))
     for kind, picture in pictures.items():
-        write_bytes(folder / f"{name}.{kind}.png", picture)
+        write_bytes(Path(folder) / f"{name}.{kind}.png", picture)
+    return aligned
 
 
 def check_place(folder: Path, name: str, head: Mapping[str, Any], replace: bool) -> None:
@@ -189,11 +184,6 @@ def add_recording(
     write_text(described, tomli_w.dumps(document))
 
 
-def recording_name(path: Path) -> str:
-    """Name of a recording after the file of its angles."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", table_name(path.name)) or "recording"
-
-
 def _table(head: Mapping[str, Any], angle: Signal, torque: Signal) -> str:
     """CSV text: rows of the camera's clock, then those of the drive's."""
     camera = {CAMERA: angle.time, **dict(zip(head["columns"]["angle"], angle.value.T, strict=True))}
@@ -254,11 +244,10 @@ def _correlation(ax: Any, coarse: CoarseOffset, offset: float) -> None:
 
 
 def _torques(ax: Any, aligned: Aligned) -> None:
-    recording = Recording("motion", aligned.angle, aligned.torque)
-    plant = plant_of(Dataset("picture", aligned.mechanism, (recording,)))
-    rows = unit_rows(plant.mechanism, motions_of([recording]))
+    plant = plant_of(aligned.dataset)
+    rows = unit_rows(plant.mechanism, motions_of(aligned.dataset.recordings))
     asked = rows.required(np.asarray(plant.p))
-    logged = rows.means(integrals_of([recording.torque]))
+    logged = rows.means(integrals_of([aligned.torque]))
     asked = asked + least_squares_friction(rows, logged - asked)
     middle = (rows.start + rows.stop) / 2
     begin, end = _liveliest(middle, logged)
@@ -302,31 +291,23 @@ def command_picture(aligned: Aligned, logged: Signal) -> Any:
     driven = np.flatnonzero(aligned.mechanism.driven)
     picture = figure(2.6 * len(drives))
     axes = picture.subplots(len(drives), 2, squeeze=False, width_ratios=(1, 1.6))
-    for row, (k, r) in zip(axes, drives, strict=True):
-        time, measured = aligned.torque.time, aligned.torque.value[:, driven[k]]
-        command = np.interp(time, logged.time, logged.value[:, k])
+    unit, time = either(aligned.mechanism.torque_units), aligned.torque.time
+    for (ax, beside), (k, r) in zip(axes, drives, strict=True):
+        measured = aligned.torque.value[:, driven[k]]
         late = np.interp(time - r.delay, logged.time, logged.value[:, k])
-        _scatter(row[0], late, measured, r, aligned)
-        _over_time(row[1], time, command, measured, aligned)
+        shown = slice(None, None, max(1, len(late) // _CROWD))
+        ax.plot(late[shown], measured[shown], ".", ms=1.5, color=COLOURS[0], alpha=0.4)
+        line = np.linspace(late.min(), late.max(), 200)
+        ax.plot(line, line, color=GREY, lw=0.7, ls=(0, (4, 2)))
+        ax.plot(line, np.clip(r.gain * line + r.bias, r.low, r.high), color=DARK, lw=1.0)
+        ax.set_xlabel(f"command, {1e3 * r.delay:.1f} ms before [{unit}]")
+        ax.set_ylabel(f"measured [{unit}]")
+        begin, end = _liveliest(time, measured[:, None])
+        part = (time >= begin) & (time <= min(end, begin + _SHOWN / 4))
+        command = np.interp(time, logged.time, logged.value[:, k])
+        beside.plot(time[part], command[part], color=GREY, drawstyle="steps-post", label="command")
+        beside.plot(time[part], measured[part], color=COLOURS[0], lw=0.9, label="measured")
+        beside.set_xlabel("time of the angles [s]")
+        beside.set_ylabel(f"torque [{unit}]")
     key_above(picture, _key(axes[0, 1]))
     return picture
-
-
-def _scatter(ax: Any, command: Array, measured: Array, r: DriveResponse, aligned: Aligned) -> None:
-    shown = slice(None, None, max(1, len(command) // _CROWD))
-    ax.plot(command[shown], measured[shown], ".", ms=1.5, color=COLOURS[0], alpha=0.4)
-    line = np.linspace(command.min(), command.max(), 200)
-    ax.plot(line, line, color=GREY, lw=0.7, ls=(0, (4, 2)))
-    ax.plot(line, np.clip(r.gain * line + r.bias, r.low, r.high), color=DARK, lw=1.0)
-    unit = either(aligned.mechanism.torque_units)
-    ax.set_xlabel(f"command, {1e3 * r.delay:.1f} ms before [{unit}]")
-    ax.set_ylabel(f"measured [{unit}]")
-
-
-def _over_time(ax: Any, time: Array, command: Array, measured: Array, aligned: Aligned) -> None:
-    begin, end = _liveliest(time, measured[:, None])
-    shown = (time >= begin) & (time <= min(end, begin + _SHOWN / 4))
-    ax.plot(time[shown], command[shown], color=GREY, drawstyle="steps-post", label="command")
-    ax.plot(time[shown], measured[shown], color=COLOURS[0], lw=0.9, label="measured")
-    ax.set_xlabel("time of the angles [s]")
-    ax.set_ylabel(f"torque [{either(aligned.mechanism.torque_units)}]")

@@ -141,7 +141,18 @@ def clock_from_edges(seen: Edges, logged: Edges, roughly: float | None = None) -
             f"the marker's edges do not agree: the camera saw {len(seen.time)}, the log has "
             f"{len(logged.time)}, and {matched} fit each other; leave --marker out"
         )
-    _check_unique(best, matches, _resolution(seen, logged))
+    width = _resolution(seen, logged)
+    for other in matches:
+        if (
+            abs(other.offset - best.offset) > width
+            and len(other.pairs) > _RIVAL * matched
+            and other.missing <= best.missing + 0.1 * len(other.pairs)
+        ):
+            raise InputError(
+                f"the marker fits with an offset of {other.offset:.3f} s as well as with "
+                f"{best.offset:.3f} s: switch the LED at uneven times and more often, or give "
+                "--offset to within 0.5 s"
+            )
     i, k = best.pairs.T
     tau, late = logged.time[k], seen.time[i] - logged.time[k]
     at = float(tau.mean())
@@ -173,20 +184,6 @@ def _matches(seen: Edges, logged: Edges, roughly: float | None) -> list[_Match]:
     votes = np.searchsorted(order, late[i, k] + width) - np.searchsorted(order, late[i, k] - width)
     first = np.argsort(-votes, kind="stable")[:_CANDIDATES]
     return [_match(seen, logged, int(i[j]), int(k[j])) for j in first]
-
-
-def _check_unique(best: _Match, matches: list[_Match], resolution: float) -> None:
-    for other in matches:
-        if (
-            abs(other.offset - best.offset) > resolution
-            and len(other.pairs) > _RIVAL * len(best.pairs)
-            and other.missing <= best.missing + 0.1 * len(other.pairs)
-        ):
-            raise InputError(
-                f"the marker fits with an offset of {other.offset:.3f} s as well as with "
-                f"{best.offset:.3f} s: switch the LED at uneven times and more often, or give "
-                "--offset to within 0.5 s"
-            )
 
 
 def _match(seen: Edges, logged: Edges, i: int, k: int) -> _Match:

@@ -198,7 +198,9 @@ def angles_of(tracks: Markers, setup: MarkerSetup, size: tuple[int, int], name: 
     )
     if calibration.pivot is not None:
         markers[:, 0] = calibration.pivot
-    seen &= _plausible(calibration, tracks)
+    # a link that seems too long or too short ends in a wrong dot
+    limit = np.maximum(_OUTLIER * link_noise(tracks.sigma), _PIXELS)
+    seen[:, 1:] &= np.abs(np.nan_to_num(calibration.residual)) <= limit
     return _angles(tracks, setup.camera, markers, seen, calibration)
 
 
@@ -289,13 +291,6 @@ def _check_seen(seen: Array, setup: MarkerSetup, name: str) -> None:
             f"{name}: all dots are seen together in {whole} of {len(seen)} frames only; correct "
             "colours, radii and places in rig.toml or let frictionid track --setup propose one"
         )
-
-
-def _plausible(calibration: ViewCalibration, tracks: Markers) -> Array:
-    """Which markers (T, n + 1) do not make the link before them seem too long or too short."""
-    limit = np.maximum(_OUTLIER * link_noise(tracks.sigma), _PIXELS)
-    far = np.abs(np.nan_to_num(calibration.residual)) > limit
-    return np.concatenate([np.ones((len(far), 1), dtype=bool), ~far], axis=1)
 
 
 def _states(time: Array, complete: Array) -> tuple[str, ...]:

@@ -86,13 +86,14 @@ class Dot:
     def whole_blob(self, patch: Patch, near: Array, streak: Array) -> Blob | None:
         """The dot near a place, if it is whole."""
         blob = centroid(patch, near, streak, self)
-        return blob if blob is not None and self._is_whole(blob) else None
-
-    def _is_whole(self, blob: Blob) -> bool:
-        """Whether the area is the usual one, so that nothing hides a part of the dot."""
+        if blob is None:
+            return None
+        # where the area is the usual one nothing hides a part of the dot
         if len(self._areas) < _FEW:
-            return 0.4 * self.full_area < blob.area < 2.5 * self.full_area
-        return abs(blob.area / _median(self._areas) - 1) < _AREA_TOLERANCE
+            whole = 0.4 * self.full_area < blob.area < 2.5 * self.full_area
+        else:
+            whole = abs(blob.area / _median(self._areas) - 1) < _AREA_TOLERANCE
+        return blob if whole else None
 
     def learn(self, blob: Blob) -> None:
         """Take over area and amplitude of a whole dot."""

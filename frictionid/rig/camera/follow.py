@@ -105,7 +105,9 @@ class Follower:
         self.frames += 1
         predicted = self._predict(frame.time)
         search = self._search_windows(frame.image, predicted)
-        if self._must_search_all(predicted, search[1]):
+        lost = [dot.missing for i, dot in self.dots.items() if search[1][i] is None]
+        # no window will show them: at the start, or after some frames
+        if lost and (predicted.margin is None or max(lost) >= _SEARCH_AFTER):
             search = self._search_all(frame.image, predicted, search)
         return self._remember(frame.time, search)
 
@@ -114,7 +116,8 @@ class Follower:
         still = np.zeros((self.n + 1, 2))
         if self.pivot is None:
             return Prediction(still.copy(), still, None)
-        memory = _MEMORY + 1.5 * self._frame_interval()
+        interval = self.past[-1][0] - self.past[-2][0] if len(self.past) > 1 else 0.05
+        memory = _MEMORY + 1.5 * interval
         recent = [entry for entry in self.past if time - entry[0] <= memory]
         if not recent or self.lengths is None:
             return Prediction(still + self.pivot, still, None)
@@ -131,11 +134,6 @@ class Follower:
             return Prediction(at, streak, max(_MARGIN, most))
         move = max(map(abs, speeds)) * (time - recent[-1][0])
         return Prediction(at, streak, min(_MARGIN + 0.25 * move, most))
-
-    def _frame_interval(self) -> float:
-        if len(self.past) < 2:
-            return 0.05
-        return self.past[-1][0] - self.past[-2][0]
 
     def _search_windows(self, image: Image, predicted: Prediction) -> Search:
         """Dots near their predicted places; what hangs on a found marker moves with it."""
@@ -191,11 +189,6 @@ class Follower:
         before = self.dots.get(i - 1)
         slack = _PIXELS + (_MARGIN if before and before.missing else 0.0)
         return abs(length - self.lengths[i - 1]) < _LENGTH * self.lengths[i - 1] + slack
-
-    def _must_search_all(self, predicted: Prediction, blobs: list[Blob | None]) -> bool:
-        """Whether dots are missing that no window will show: at the start, or for some frames."""
-        lost = [dot.missing for i, dot in self.dots.items() if blobs[i] is None]
-        return bool(lost) and (predicted.margin is None or max(lost) >= _SEARCH_AFTER)
 
     def _search_all(self, image: Image, predicted: Prediction, search: Search) -> Search:
         """All dots in the whole picture, assigned so that the links keep their lengths."""

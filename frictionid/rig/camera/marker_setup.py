@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import tomli_w
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, NonNegativeFloat, field_validator, model_validator
 
 from frictionid.config import Positive, Strict, checked
 
@@ -17,6 +17,7 @@ from ..rig_settings import rig_tables
 MIN_HUE_DISTANCE = 40.0  # [deg]; colours nearer than this cannot be distinguished
 
 Pixel = Annotated[list[float], Field(min_length=2, max_length=2)]
+Share = Annotated[float, Field(gt=0, le=1)]
 
 
 class Marker(Strict):
@@ -33,8 +34,8 @@ class Marker(Strict):
 
     name: Annotated[str, Field(min_length=1)]
     hue: Annotated[float, Field(ge=0, le=360)] | None = None
-    saturation: Annotated[float, Field(gt=0, le=1)] = 0.8
-    value: Annotated[float, Field(gt=0, le=1)] = 0.8
+    saturation: Share = 0.8
+    value: Share = 0.8
     radius: Positive = 8.0
     at: Pixel | None = None
     moves: bool = True
@@ -74,7 +75,7 @@ class Camera(Strict):
     rate : frames per second of sequences of pictures
     """
 
-    exposure: Annotated[float, Field(ge=0)] = 0.004
+    exposure: NonNegativeFloat = 0.004
     stamp: Literal["start", "middle", "end"] = "middle"
     down: float = 0.0
     mirrored: bool = False
@@ -151,8 +152,8 @@ class MarkerSetup(Strict):
         return len(self.markers) - 1
 
 
-def hue_distance(a: float, b: float) -> float:
-    """Angle between two hues [deg], at most 180.
+def hue_distance(a: Any, b: Any) -> Any:
+    """Angle between two hues, or arrays of these [deg], at most 180.
 
     >>> hue_distance(350.0, 20.0)
     30.0

@@ -54,7 +54,9 @@ def propose(source: Source) -> MarkerSetup:
     InputError
         Where no moving dot is found, or none moves on a circle.
     """
-    pictures = _first_frames(source)
+    count = int(_SECONDS * source.rate) if source.rate > 0 else _FRAMES
+    frames = islice(source.frames(), 0, count, max(count // _FRAMES, 1))
+    pictures = [frame.image for frame in frames]
     rows = [row for k, image in enumerate(pictures) for row in _colour_regions(image, k)]
     groups = _colours(pd.DataFrame(rows, columns=list(_COLUMNS)), len(pictures))
     moving = [g for g in groups if _moves(g)]
@@ -94,12 +96,6 @@ def _merged_hues(markers: Sequence[Marker]) -> list[Marker]:
     return out
 
 
-def _first_frames(source: Source) -> list[Image]:
-    """Pictures spread over the first seconds."""
-    count = int(_SECONDS * source.rate) if source.rate > 0 else _FRAMES
-    return [f.image for f in islice(source.frames(), 0, count, max(count // _FRAMES, 1))]
-
-
 def _colour_regions(image: Image, frame: int) -> Iterator[tuple[float, ...]]:
     """Colourful, compact parts of a picture."""
     smooth = cv2.GaussianBlur(image, (5, 5), 1.5)
@@ -124,7 +120,7 @@ def _colours(left: pd.DataFrame, frames: int) -> list[pd.DataFrame]:
     left, groups = left.sort_values("hue", kind="stable"), []
     while len(left):
         hues = left["hue"].to_numpy()
-        near = np.abs((hues[:, None] - hues + 180) % 360 - 180) < _HUES
+        near = hue_distance(hues[:, None], hues) < _HUES
         alike = near[near.sum(axis=1).argmax()]  # the densest hue first
         if left["frame"][alike].nunique() >= _SEEN * frames:
             groups.append(left[alike])

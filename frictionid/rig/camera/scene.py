@@ -133,16 +133,12 @@ class View:
         size, pivot = np.array(self.size, float), np.array(self.pivot)
         middle = (size - 1) / 2
         flat = np.asarray(points, float) + (pivot - middle) / self.scale
-        X = flat @ _turned(*np.radians(self.tilt)).T  # (..., 3)
+        turned = Rotation.from_rotvec([*np.radians(self.tilt), 0.0]).as_matrix()[:, :2]
+        X = flat @ turned.T  # (..., 3)
         seen = X[..., :2] / (1.0 + X[..., 2:] / self.distance) * self.scale
         corner = np.linalg.norm(middle)
         out = 1.0 + self.distortion * (seen**2).sum(-1, keepdims=True) / corner**2
         return middle + seen * out
-
-
-def _turned(about_x: float, about_y: float) -> Array:
-    """The first two columns (3, 2) of the rotation by a vector in the picture's plane."""
-    return Rotation.from_rotvec([about_x, about_y, 0.0]).as_matrix()[:, :2]
 
 
 class Scene:

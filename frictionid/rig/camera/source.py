@@ -88,7 +88,10 @@ class Source:
                 if not there:
                     break
                 stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-                yield Frame(self._exact(stamp), np.asarray(image, dtype=np.uint8))
+                even = round(stamp * self.rate) / self.rate if self.grid else stamp
+                if abs(even - stamp) <= 0.5001 * _TICK:  # containers round stamps
+                    stamp = even
+                yield Frame(stamp, np.asarray(image, dtype=np.uint8))
                 read += 1
         finally:
             capture.release()
@@ -97,13 +100,6 @@ class Source:
                 f"{self.name} ends after {read} of {self.count} frames: it is cut off or damaged; "
                 "copy it again, or cut it there with a video editor"
             )
-
-    def _exact(self, stamp: float) -> float:
-        """Time of a frame, without the rounding of the container where frames are evenly spaced."""
-        if not self.grid:
-            return stamp
-        even = round(stamp * self.rate) / self.rate
-        return even if abs(even - stamp) <= 0.5001 * _TICK else stamp
 
     def _pictures(self) -> Iterator[Frame]:
         for k, file in enumerate(self.files):

@@ -136,7 +136,14 @@ def _angles(
         markers = follow_by_thresholds(setup, frames)
     else:
         markers = follow(setup, frames)
-    steps = _collected(markers, done, live=source.kind == "live")
+    steps: list[Markers] = []
+    try:
+        for step in markers:
+            steps.append(step)
+            done(step)
+    except KeyboardInterrupt:  # it ends a live camera
+        if source.kind != "live":
+            raise
     if not steps:
         raise InputError(f"{source.name} has no frames; name another video")
     angles = angles_of(gather(steps), setup, source.size, source.name)
@@ -144,21 +151,6 @@ def _angles(
         return angles
     # an interrupt may come after the LED of a frame was measured and before its markers were
     return angles._replace(sync_led=(setup.sync_led.name, np.array(brightness[: len(steps)])))
-
-
-def _collected(
-    markers: Iterator[Markers], done: Callable[[Markers], None], *, live: bool
-) -> list[Markers]:
-    """Markers of all frames; an interrupt ends those of a live camera."""
-    steps: list[Markers] = []
-    try:
-        for step in markers:
-            steps.append(step)
-            done(step)
-    except KeyboardInterrupt:
-        if not live:
-            raise
-    return steps
 
 
 def _measured(
@@ -193,15 +185,15 @@ def _frames(source: Source) -> Iterator[Frame]:
 
 def _decoded_ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
     """The frames; the next batch is decoded while one is used."""
+
+    def decoded() -> list[Frame]:
+        return list(islice(frames, _BATCH))
+
     with ThreadPoolExecutor(1) as pool:
-        coming = pool.submit(_batch, frames)
+        coming = pool.submit(decoded)
         while batch := coming.result():
-            coming = pool.submit(_batch, frames)
+            coming = pool.submit(decoded)
             yield from batch
-
-
-def _batch(frames: Iterator[Frame]) -> list[Frame]:
-    return list(islice(frames, _BATCH))
 
 
 def _check_places(source: Source, setup: MarkerSetup) -> None:

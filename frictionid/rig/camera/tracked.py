@@ -118,7 +118,8 @@ def draw_frame(
         if np.isfinite([a, b]).all():
             _line(out, a, b, (255, 255, 255))
     for place in places[np.isfinite(places).all(axis=-1)]:
-        _cross(out, place, _COLOURS[FOUND])
+        for arm in np.diag([10.0, 10.0]):
+            _line(out, place - arm, place + arm, _COLOURS[FOUND])
     degrees = [f"{np.degrees(q):.1f} deg" if np.isfinite(q) else "?" for q in angles.q[k]]
     shown = [f"q{j} = {text}" for j, text in enumerate(degrees, start=1)]
     text = f"{angles.time[k]:.3f} s   {'   '.join(shown)}   {state}"
@@ -152,8 +153,3 @@ def _chosen(angles: Angles) -> list[int]:
 def _line(image: Image, a: np.ndarray, b: np.ndarray, colour: tuple[int, int, int]) -> None:
     ends = [tuple(int(v) for v in np.round(p * 16)) for p in (a, b)]
     cv2.line(image, ends[0], ends[1], colour, 1, cv2.LINE_AA, 4)
-
-
-def _cross(image: Image, place: np.ndarray, colour: tuple[int, int, int]) -> None:
-    for arm in (np.array([10.0, 0.0]), np.array([0.0, 10.0])):
-        _line(image, place - arm, place + arm, colour)
