@@ -17,6 +17,7 @@ from frictionid.data.signals import Signal
 TIME = np.linspace(0.0, 2.0, 1001)
 INNER = slice(50, -50)  # a smoother knows less at the ends
 GRAVITY = np.array([0.0, 0.0, -9.81])
+STILL = np.tile([1.0, 0.0, 0.0, 0.0], (len(TIME), 1))  # orientation
 
 
 def motion_of(mounting):
@@ -62,7 +63,7 @@ def test_sensors_anywhere_show_the_motion_of_the_base(by, mounting):
 
 
 def test_a_base_of_constant_velocity_is_at_rest():
-    still = Signal(TIME, np.tile([1.0, 0.0, 0.0, 0.0], (len(TIME), 1)))
+    still = Signal(TIME, STILL)
     going = Signal(TIME, TIME[:, None] * [2.0, -1.0, 0.5])
     rest = base_motion(Mounting(), orientation=still).value
     np.testing.assert_array_equal(rest, np.tile(np.r_[np.zeros(6), -GRAVITY], (len(TIME), 1)))
@@ -72,7 +73,7 @@ def test_a_base_of_constant_velocity_is_at_rest():
 
 
 def test_quaternions_have_length_one():
-    value = np.tile([1.0, 0.0, 0.0, 0.0], (len(TIME), 1))
+    value = STILL.copy()
     value[500] = 0.0
     with assert_refused("at 1 s its length is 0; quaternions"):
         base_motion(Mounting(), orientation=Signal(TIME, value))

@@ -95,13 +95,17 @@ def test_an_index_into_friction_picks_its_calibration_too():
     assert friction[[0, 2]].calibration.gain.shape == (2, 1)
 
 
+def save_calibrated(calibration, path):
+    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=calibration)
+    save_model(friction, path)
+
+
 @pytest.mark.parametrize("base", [None, np.array([0.1, 0.2, 0.3])])
 def test_a_model_file_keeps_the_calibration(tmp_path, base):
     arrays = {"delay": 0.0123, "bias": [0.5], "motor": [0.4, 3.0], "envelope": [[0.4, 2.0, 5.0]]}
     arrays = {name: np.array(value) for name, value in arrays.items()}
     calibration = replace(Calibration.ideal(1, base), **arrays)
-    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=calibration)
-    save_model(friction, tmp_path / "m.json")
+    save_calibrated(calibration, tmp_path / "m.json")
     again = load_model(tmp_path / "m.json").calibration
     for name in ("gain", "delay", "bias", "offset", "motor", "envelope", "base"):
         assert_array_equal(getattr(again, name), getattr(calibration, name))
@@ -116,8 +120,7 @@ def test_a_model_file_keeps_the_calibration(tmp_path, base):
     ],
 )
 def test_a_damaged_calibration_is_refused_in_one_line(tmp_path, change, words):
-    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=Calibration.ideal(1))
-    save_model(friction, tmp_path / "m.json")
+    save_calibrated(Calibration.ideal(1), tmp_path / "m.json")
     table = json.loads((tmp_path / "m.json").read_text())
     table["calibration"] |= change
     (tmp_path / "m.json").write_text(json.dumps(table))

@@ -75,27 +75,30 @@ def assert_same_sets(one, other):
         assert_same(a, b)
 
 
+def read(frames=FRAME, **said):
+    return Dataset.from_frames(frames, RIG, **{"time": "t", "angle": ["q1", "q2"], **said})
+
+
 def test_frames_are_read_as_the_tables_of_a_dataset_toml(tmp_path):
     (tmp_path / "dataset.toml").write_text(TOML)
     FRAME.to_csv(tmp_path / "run1.csv", index=False)  # shortest digits that give the same numbers
-    assert_same_sets(Dataset.from_frames({"run1": FRAME}, RIG, **SAID), load_dataset(tmp_path))
+    assert_same_sets(read({"run1": FRAME}, **SAID), load_dataset(tmp_path))
 
 
 def test_joints_may_have_units_of_their_own():
     table = FRAME.assign(q2=np.degrees(FRAME.q2), w2=np.degrees(FRAME.w2))
-    alike = Dataset.from_frames(table, RIG, time="t", angle=["q1", "q2"], units="deg", sigma=0.1)
-    own = Dataset.from_frames(
-        FRAME, RIG, time="t", angle=["q1", "q2"], units=["deg", "rad"], sigma=[0.1, np.radians(0.1)]
-    )
+    alike = read(table, units="deg", sigma=0.1)
+    own = read(units=["deg", "rad"], sigma=[0.1, np.radians(0.1)])
     (a,), (b,) = alike.recordings, own.recordings
     assert_allclose(a.angle.value, b.angle.value, rtol=1e-14)
     assert_allclose(a.angle.sigma, b.angle.sigma, rtol=1e-14)
 
 
 def test_a_unit_of_the_angles_is_that_of_the_velocities_per_second():
-    both = {"angle": ["q1", "q2"], "velocity": ["w1", "w2"], "time": "t"}
-    one = Dataset.from_frames(FRAME, RIG, units="deg", **both)
-    each = Dataset.from_frames(FRAME, RIG, units={"angle": "deg", "velocity": "deg/s"}, **both)
+    one, each = (
+        read(velocity=["w1", "w2"], units=units)
+        for units in ("deg", {"angle": "deg", "velocity": "deg/s"})
+    )
     assert_same_sets(one, each)
 
 
@@ -104,8 +107,8 @@ def test_arrays_and_frames_are_the_same_data():
     arrays = {"time": FRAME.t, "angle": FRAME[["q1", "q2"]].to_numpy(), "torque": torque}
     units = {"time": "ms", "angle": "deg", "torque": "mN m"}
     one = Dataset.from_arrays({"run1": arrays}, RIG, units=units, hold="linear", sigma=0.1)
-    said = {key: SAID[key] for key in ("time", "angle", "torque", "hold")}
-    assert_same_sets(one, Dataset.from_frames({"run1": FRAME}, RIG, **said, units=units, sigma=0.1))
+    said = {key: SAID[key] for key in ("torque", "hold")}
+    assert_same_sets(one, read({"run1": FRAME}, **said, units=units, sigma=0.1))
 
 
 def test_a_torque_may_have_a_clock_of_its_own():
@@ -121,21 +124,19 @@ def test_a_torque_may_have_a_clock_of_its_own():
 
 def test_the_index_may_be_the_time():
     indexed = FRAME.set_index(pd.to_datetime(FRAME.t, unit="ms"))
-    (a,) = Dataset.from_frames(indexed, RIG, angle=["q1", "q2"]).recordings
+    (a,) = read(indexed, time=None).recordings
     assert_allclose(a.angle.time, TIME - TIME[0], atol=1e-9)
 
 
 def test_further_frames_are_read_alike():
-    first = Dataset.from_frames({"run1": FRAME}, RIG, **SAID)
+    first = read({"run1": FRAME}, **SAID)
     again = first.with_frames({"run1": FRAME})
-    assert_same_sets(
-        again, Dataset.from_frames({"run1": FRAME}, RIG, **{**SAID, "parameters": None})
-    )
+    assert_same_sets(again, read({"run1": FRAME}, **{**SAID, "parameters": None}))
     assert again.hashes == first.hashes
 
 
 def test_a_recording_is_found_by_its_name():
-    data = Dataset.from_frames({"run1": FRAME, "run2": FRAME}, RIG, time="t", angle=["q1", "q2"])
+    data = read({"run1": FRAME, "run2": FRAME})
     assert data["run2"] is data.recordings[1]
     assert repr(data) == "Dataset('data': 2 recordings, 2 joints, 4000 s)"
     with assert_refused("has no recording 'run3'; did you mean 'run2'"):
@@ -170,9 +171,8 @@ TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
     ],
 )
 def test_a_mistake_is_one_sentence(frame, said, message):
-    usual = {"time": "t", "angle": ["q1", "q2"], "torque": [None, "i2"]}
     with assert_refused(message):
-        Dataset.from_frames({"run1": frame}, RIG, **{**usual, **said})
+        read({"run1": frame}, **{"torque": [None, "i2"], **said})
 
 
 ARRAYS = {"time": TIME, "angle": np.zeros((41, 2))}

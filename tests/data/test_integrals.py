@@ -10,15 +10,15 @@ from frictionid.data.signals import Signal
 HOLDS = ("linear", "previous")
 
 
-def signal(rng, hold, samples=40):
+def signal(seed, hold, samples=40):
+    rng = np.random.default_rng(seed)
     time = 5.0 + np.cumsum(rng.uniform(0.01, 0.05, samples))
     return Signal(time, rng.normal(size=(samples, 2)), hold)
 
 
 @pytest.mark.parametrize("hold", HOLDS)
 def test_delayed_window_means_are_the_averages_over_earlier_edges(hold):
-    rng = np.random.default_rng(0)
-    logs = [signal(rng, hold), signal(rng, hold, 25)]
+    logs = [signal(0, hold), signal(4, hold, 25)]
     start = np.array([4.9, 5.2, 5.4])  # the first before the log begins, the last beyond its end
     stop, recording = start + np.array([0.3, 0.1, 2.0]), np.array([0, 1, 1])
     delays = np.array([-0.05, 0.0, 0.12])
@@ -31,8 +31,7 @@ def test_delayed_window_means_are_the_averages_over_earlier_edges(hold):
 
 @pytest.mark.parametrize("hold", HOLDS)
 def test_pieces_have_the_averages_and_moments_of_the_signal(hold):
-    rng = np.random.default_rng(1)
-    log = signal(rng, hold)
+    log = signal(1, hold)
     edges = np.array([5.1, 5.13, 5.3, 5.9])
     pieces = pieces_of(integrals_of([log]), np.array([0]), edges[None])
     assert_allclose(pieces.mean[:, 0], averages(log, edges), atol=1e-12)
@@ -46,8 +45,7 @@ def test_pieces_have_the_averages_and_moments_of_the_signal(hold):
 
 @pytest.mark.parametrize("hold", HOLDS)
 def test_the_derivatives_by_the_delay_are_those_of_differences(hold):
-    rng = np.random.default_rng(2)
-    log = integrals_of([signal(rng, hold)])
+    log = integrals_of([signal(2, hold)])
     edges, step = np.array([[5.1, 5.13, 5.3, 5.9]]), 1e-6
     late, early = (pieces_of(log, np.array([0]), edges - s) for s in (step, -step))
     now = pieces_of(log, np.array([0]), edges)
@@ -57,7 +55,7 @@ def test_the_derivatives_by_the_delay_are_those_of_differences(hold):
 
 
 def test_a_linear_map_of_the_columns_maps_every_integral():
-    log = signal(np.random.default_rng(3), "linear")
+    log = signal(3, "linear")
     matrix = np.array([[0.0, 2.0], [-1.0, 0.5]])
     mapped = integrals_of([log]).mapped(matrix)
     edges = (np.zeros(1, int), np.array([5.2]), np.array([5.4]))

@@ -17,6 +17,12 @@ def clock(samples=300):
     return np.arange(samples) / RATE
 
 
+def drawn(seed):
+    """Times, a generator of random numbers, and noisy angles (T, 1) of a swing."""
+    time, rng = clock(), np.random.default_rng(seed)
+    return time, rng, swing(time, rng)
+
+
 def swing(time, rng, noise=NOISE):
     return wave(time, rng, noise)[:, None]
 
@@ -26,8 +32,12 @@ def deletion_residuals(series, left_out, fit):
     return off / deviation
 
 
+def states_of(time, value, **more):
+    return RTS()([Signal(time, value, **more)])[0]
+
+
 def found(time, value, **more):
-    return RTS()([Signal(time, value, **more)])[0].left_out[:, 0]
+    return states_of(time, value, **more).left_out[:, 0]
 
 
 def test_roughness_is_the_upper_quartile_of_the_samples_around():
@@ -75,16 +85,14 @@ def test_outliers_are_left_out_and_good_samples_stay(size, share):
     time = clock()
     clean = np.hstack([swing(time, rng) for _ in range(4)])
     wild = rng.random(clean.shape) < share
-    value = clean + wild * rng.choice([-size, size], clean.shape)
-    left_out = RTS()([Signal(time, value)])[0].left_out
+    left_out = states_of(time, clean + wild * rng.choice([-size, size], clean.shape)).left_out
     assert (wild & ~left_out).sum() <= 0.05 * wild.sum()
     assert (left_out & ~wild).sum() <= 0.005 * (~wild).sum()
 
 
 @pytest.mark.parametrize("places", [[0], [1], [0, 1], [299], [298, 299], [100, 101], [50, 52, 53]])
 def test_outliers_at_the_ends_and_side_by_side_take_no_good_samples_along(places):
-    time, rng = clock(), np.random.default_rng(3)
-    value = swing(time, rng)
+    time, _, value = drawn(3)
     value[places, 0] += 0.5
     assert np.flatnonzero(found(time, value)).tolist() == places
 
@@ -96,20 +104,19 @@ def test_outliers_of_a_jerky_motion_do_not_hide_all_together(size):
     clean = np.stack([switched(time, rng) for _ in range(40)], axis=1)
     wild = rng.random(clean.shape) < 0.05
     wild[[0, 1, -2, -1]] = False
-    left_out = RTS()([Signal(time, clean + wild * rng.choice([-size, size], clean.shape))])[0]
-    missed = wild & ~left_out.left_out
+    left_out = states_of(time, clean + wild * rng.choice([-size, size], clean.shape)).left_out
+    missed = wild & ~left_out
     assert not (missed.sum(axis=0) == wild.sum(axis=0))[wild.any(axis=0)].any()
     assert missed.sum() <= 0.08 * wild.sum()
-    assert (left_out.left_out & ~wild).sum() <= 2
+    assert (left_out & ~wild).sum() <= 2
 
 
 def test_without_its_outliers_a_motion_is_the_same():
-    time, rng = clock(), np.random.default_rng(4)
-    clean = swing(time, rng)
+    time, rng, clean = drawn(4)
     value = clean.copy()
     wild = rng.choice(len(time), 15, replace=False)
     value[wild, 0] += rng.choice([-1.0, 1.0], 15)
-    a, b = RTS()([Signal(time, clean), Signal(time, value)])
+    a, b = (states_of(time, x) for x in (clean, value))
     assert not a.left_out.any()
     assert np.abs(a.q - b.q).max() < 0.01
     assert np.sqrt(np.mean((a.w - b.w) ** 2)) < 0.3 * np.sqrt(
@@ -125,8 +132,7 @@ def test_outliers_of_one_joint_leave_the_other_joint_alone():
     time, rng = clock(), np.random.default_rng(5)
     value = np.hstack([swing(time, rng), swing(time, rng)])
     value[70, 1] -= 0.3
-    left_out = RTS()([Signal(time, value)])[0].left_out
-    assert np.argwhere(left_out).tolist() == [[70, 1]]
+    assert np.argwhere(states_of(time, value).left_out).tolist() == [[70, 1]]
 
 
 # ---------------------------------------------------------------- legitimate data
@@ -177,8 +183,7 @@ def test_rough_but_real_motion_stays(motion):
     rng = np.random.default_rng(6)
     time = clock(400)
     columns = np.stack([motion(time, rng) for _ in range(4)], axis=1)
-    left_out = RTS()([Signal(time, columns)])[0].left_out
-    assert left_out.mean() <= 0.005
+    assert states_of(time, columns).left_out.mean() <= 0.005
 
 
 def test_single_steps_of_an_encoder_at_rest_are_no_outliers():
@@ -200,9 +205,8 @@ def test_dropped_samples_and_noise_that_differs_between_recordings_are_no_outlie
 
 
 def test_a_sample_that_is_known_to_be_noisy_is_no_outlier():
-    time, rng = clock(), np.random.default_rng(8)
-    sigma = np.full((len(time), 1), NOISE)
-    value = swing(time, rng)
+    time, _, value = drawn(8)
+    sigma = np.full_like(value, NOISE)
     value[90] += 0.05
     assert found(time, value)[90]
     sigma[90] = 0.05
@@ -213,19 +217,15 @@ def test_a_sample_that_is_known_to_be_noisy_is_no_outlier():
 
 
 def test_states_keep_what_was_left_out_also_when_thinned():
-    time, rng = clock(), np.random.default_rng(9)
-    value = swing(time, rng)
+    time, _, value = drawn(9)
     value[[60, 61]] += 0.4
-    states = RTS()([Signal(time, value)])[0]
-    assert np.flatnonzero(thin(states, 2 / RATE).left_out).tolist() == [30]
+    assert np.flatnonzero(thin(states_of(time, value), 2 / RATE).left_out).tolist() == [30]
 
 
 def test_the_causal_filter_is_not_thrown_off_by_samples_without_weight():
-    time, rng = clock(), np.random.default_rng(10)
-    clean = Signal(time, swing(time, rng))
-    value = clean.value.copy()
-    value[[120, 200]] += 0.7
-    wild = clean._replace(value=value)
+    time, _, value = drawn(10)
+    clean, wild = Signal(time, value), Signal(time, value.copy())
+    wild.value[[120, 200]] += 0.7
     angles = without_outliers([wild], RTS()([wild]))
     good, kept, thrown = (KalmanFilter()([s])[0].w for s in (clean, *angles, wild))
     error = [np.abs(w - good)[119:130].max() for w in (kept, thrown)]
@@ -238,7 +238,7 @@ def test_a_slower_clock_changes_no_angle_and_no_outlier(slower):
     time, rng = clock(), np.random.default_rng(3)
     value = swing(time, rng, noise=5e-2)
     value[[40, 200]] += 1.0
-    fast, slow = (RTS()([Signal(t, value)])[0] for t in (time, slower * time))
+    fast, slow = (states_of(t, value) for t in (time, slower * time))
     assert np.flatnonzero(fast.left_out).tolist() == [40, 200]
     assert_array_equal(slow.left_out, fast.left_out)
     assert_allclose(slow.q, fast.q, atol=1e-3)  # a fiftieth of the noise

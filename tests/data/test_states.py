@@ -30,8 +30,9 @@ def uneven(rng, length=60):
     return time
 
 
-def clock(name):
-    return even() if name == "even" else uneven(np.random.default_rng(1))
+@pytest.fixture(params=["even", "uneven"])
+def time(request):
+    return even() if request.param == "even" else uneven(np.random.default_rng(1))
 
 
 def one(time, value):
@@ -66,9 +67,7 @@ ROUNDING = {1e5: 1e-4, 1e8: 5e-6, 1e11: 1e-7}
 
 
 @pytest.mark.parametrize("rho", ROUNDING)
-@pytest.mark.parametrize("stamps", ["even", "uneven"])
-def test_the_smoother_is_the_dense_least_squares_solution(stamps, rho):
-    time = clock(stamps)
+def test_the_smoother_is_the_dense_least_squares_solution(time, rho):
     value = wave(time, np.random.default_rng(2))
     expected = most_probable(time, value, rho)
     found = rts_smoother(padded_series([one(time, value)]), np.array([rho]))[:, 0]
@@ -77,9 +76,7 @@ def test_the_smoother_is_the_dense_least_squares_solution(stamps, rho):
     assert error[2] < 50 * ROUNDING[rho]
 
 
-@pytest.mark.parametrize("stamps", ["even", "uneven"])
-def test_the_filter_is_the_smoother_of_the_samples_so_far(stamps):
-    time = clock(stamps)
+def test_the_filter_is_the_smoother_of_the_samples_so_far(time):
     value = wave(time, np.random.default_rng(3))
     rho = np.array([1e9])
     mean = kalman_filter(padded_series([one(time, value)]), rho).mean[0]
@@ -131,8 +128,10 @@ def test_a_wave_without_noise_is_recovered_and_ever_better_on_faster_clocks():
         return np.abs(w - 5 * np.cos(5 * time))
 
     inner = slice(20, -20)
-    smooth = [errors(RTS(), rate)[inner].max() for rate in (30, 60, 120)]
-    causal = [errors(KalmanFilter(), rate)[inner].max() for rate in (30, 60, 120)]
+    smooth, causal = (
+        [errors(estimator, rate)[inner].max() for rate in (30, 60, 120)]
+        for estimator in (RTS(), KalmanFilter())
+    )
     assert smooth[1] < 1e-5 and causal[1] < 0.01
     assert errors(RTS(), 60).max() < 0.01  # at the ends it is a filter
     for coarse, fine in (smooth[:2], smooth[1:], causal[:2], causal[1:]):
@@ -147,9 +146,9 @@ def estimator(request):
     return ESTIMATORS[request.param]
 
 
-def several(rng):
+def several(seed):
     """Recordings of two joints, unequal in length and clock."""
-    out = []
+    out, rng = [], np.random.default_rng(seed)
     for length in (40, 77, 25):
         time = uneven(rng, length)
         out.append(Signal(time, np.stack([wave(time, rng), 3 * wave(time, rng)], axis=1)))
@@ -157,7 +156,7 @@ def several(rng):
 
 
 def test_many_recordings_at_once_give_what_each_gives_alone(estimator):
-    angles = several(np.random.default_rng(7))
+    angles = several(7)
     for angle, together in zip(angles, estimator(angles), strict=True):
         alone = estimator([angle])[0]
         for a, b in zip(together, alone, strict=True):
@@ -165,14 +164,14 @@ def test_many_recordings_at_once_give_what_each_gives_alone(estimator):
 
 
 def test_joints_do_not_mix(estimator):
-    angle = several(np.random.default_rng(8))[0]
+    angle = several(8)[0]
     both = estimator([angle])[0]
     second = estimator([angle._replace(value=angle.value[:, 1:])])[0]
     assert_allclose(both.w[:, 1:], second.w, rtol=0, atol=1e-12)
 
 
 def test_clock_origin_and_angle_origin_do_not_matter_and_units_scale(estimator):
-    angle = several(np.random.default_rng(9))[1]
+    angle = several(9)[1]
     plain = estimator([angle])[0]
     moved = estimator([Signal(angle.time + 8.0, angle.value + 2.0)])[0]
     assert_allclose(moved.w, plain.w, rtol=0, atol=1e-5)
@@ -191,9 +190,7 @@ EXACT = [
 
 
 @pytest.mark.parametrize(("estimator", "degree"), EXACT)
-@pytest.mark.parametrize("stamps", ["even", "uneven"])
-def test_motions_that_the_model_contains_are_exact(estimator, degree, stamps):
-    time = clock(stamps)
+def test_motions_that_the_model_contains_are_exact(estimator, degree, time):
     motion = np.polynomial.Polynomial(np.random.default_rng(10).normal(size=degree + 1))
     states = estimator([one(time, motion(time))])[0]
     # the causal filter needs three samples for three unknowns
@@ -204,7 +201,7 @@ def test_motions_that_the_model_contains_are_exact(estimator, degree, stamps):
 
 
 def test_angles_and_times_belong_together(estimator):
-    angles = several(np.random.default_rng(11))
+    angles = several(11)
     for angle, states in zip(angles, estimator(angles), strict=True):
         dropped = len(angle.time) - len(states.time)
         assert_array_equal(states.time, angle.time[dropped:])
@@ -224,7 +221,7 @@ def test_two_samples_are_enough_for_all_but_savgol():
 
 
 def test_backward_differences_are_what_a_semi_implicit_step_undoes():
-    angle = several(np.random.default_rng(12))[0]
+    angle = several(12)[0]
     states = Backward()([angle])[0]
     dt = np.diff(angle.time)[:, None]
     assert_array_equal(states.w, (angle.value[1:] - angle.value[:-1]) / dt)

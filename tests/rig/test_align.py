@@ -1,12 +1,11 @@
 """One clock: offset and drift put in come back, and what cannot be told is refused."""
 
-import tomllib
 from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.driven_pendulum import TABLE, logged_pendulum, write_log
+from fixtures.driven_pendulum import TABLE, aligned, logged_pendulum, write_log
 from fixtures.mistakes import rows
 from fixtures.refusals import assert_one_line, assert_refused
 from hypothesis import given
@@ -190,8 +189,7 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     log = logged(cut(torque, 0.0, 15.0))
     write_log(tmp_path / "log.csv", log, command=log.value[:, 0] / 0.97)
     words = "align day.csv log.csv --out data --hold previous"
-    code, out, err = call(words)
-    assert (code, err) == (0, "")
+    out, document = aligned(call(words), tmp_path / "data" / "day.align.toml")
     for said in ("offset   0.1", "drift", "viscous  of joint 1: 1 ms", "measured = 0.9700"):
         assert said in out
     dataset = load_dataset(tmp_path / "data")
@@ -202,7 +200,6 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     near = np.interp(recording.torque.time[100:-100], torque.time, torque.time)
     k = np.searchsorted(torque.time, near + 2.5e-3) - 1
     assert np.mean(recording.torque.value[100:-100, 0] == torque.value[k, 0]) > 0.97
-    document = tomllib.loads((tmp_path / "data" / "day.align.toml").read_text())
     low, high = document["clock"]["offset_interval"]
     assert low < document["clock"]["offset"] < high
     assert document["command"][0]["gain"] == pytest.approx(0.97, abs=1e-4)
@@ -210,19 +207,20 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
         picture = (tmp_path / "data" / f"day.{kind}.png").read_bytes()
         assert picture.startswith(b"\x89PNG")
         assert len(picture) > 10_000
-    same = fid.align(*(tmp_path / n for n in ("day.csv", "log.csv", "rig.toml")), hold="previous")
+
+    def again(log):
+        return fid.align(*(tmp_path / name for name in ("day.csv", log, "rig.toml")))
+
+    same = again("log.csv")
     assert same.document == document and str(same) in out  # the command calls this function
     assert_allclose(same.dataset.recordings[0].torque.time, recording.torque.time, atol=1e-8)
     # a log of another program knows no time of arrival
     foreign = pd.read_csv(tmp_path / "log.csv").drop(columns="host")
     foreign.to_csv(tmp_path / "foreign.csv", index=False)
-    other = fid.align(
-        *(tmp_path / n for n in ("day.csv", "foreign.csv", "rig.toml")), hold="previous"
-    )
-    assert other.document["clock"] == document["clock"]
+    assert again("foreign.csv").document["clock"] == document["clock"]
     foreign.drop(columns="torque").to_csv(tmp_path / "foreign.csv", index=False)
-    other = fid.align(*(tmp_path / n for n in ("day.csv", "foreign.csv", "rig.toml")))
-    assert_allclose(other.torque.value, same.torque.value, atol=1e-9)  # kt gear current
+    other = again("foreign.csv").torque.value  # kt gear current
+    assert_allclose(other, same.torque.value, atol=1e-9)
     # a second recording joins; the same name only when it may replace
     assert_one_line(call(words), "has a recording 'day'")
     head = load_rig(tmp_path / "rig.toml").head("previous")
@@ -240,10 +238,8 @@ def test_frames_that_a_film_lost_come_back(call, motion, tmp_path):
     film = Signal(angle.time[:-1], angle.value[kept])
     write_angles(tmp_path / "a.csv", film)
     write_log(tmp_path / "log.csv", logged(torque), command=0.0)
-    code, out, err = call("align a.csv log.csv --out data")
-    assert (code, err) == (0, "")
+    out, document = aligned(call("align a.csv log.csv --out data"), tmp_path / "data/a.align.toml")
     assert "frames seem to be lost at 7.98 s: the clock steps by 16.7 ms" in out
-    document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
     assert abs(document["clock"]["drift"] - DRIFT) < 1e-4 and document["warnings"]
     time = load_dataset(tmp_path / "data").recordings[0].angle.time
     assert_allclose(time, angle.time[kept][: len(time)], atol=1e-6)
@@ -313,12 +309,11 @@ def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_p
     (tmp_path / "rig.toml").write_text(
         RIG + '[protocol]\ncolumns = ["time", "command", "current", "led"]\n'
     )
-    code, out, err = call("align a.csv log.csv --out data --marker led")
-    assert (code, err) == (0, "")
+    outcome = call("align a.csv log.csv --out data --marker led")
+    out, document = aligned(outcome, tmp_path / "data" / "a.align.toml")
     assert "marker   4 edges: offset 0." in out
     assert "by the motion the torque acts" in out
     assert "does not change: nothing to compare" in out
-    document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
     assert document["marker"]["offset"] == pytest.approx(0.4, abs=1e-2)
     assert document["clock"]["offset"] == pytest.approx(0.412, abs=3e-3)
 

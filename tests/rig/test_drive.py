@@ -40,16 +40,17 @@ def sine(length=1.0, rate=200.0):
     return Signal(time, 0.1 * np.sin(7 * time)[:, None], "previous")
 
 
-def values(drive, controller, k):
+def values(controller, k):
     """Time, command and torque of the k-th line."""
-    made = drive.rig
+    made = controller.drive.rig
     cells = [float(c) for c in parsed(made.protocol, b"", controller.line(k)).rows[0]]
     return cells[0] * 1e-6, cells[1], cells[2] * made.motors[0].per_measured
 
 
-def command_line(form, template, value):
-    """Line of a command to the drive."""
-    return framed(form, template.replace("{value}", f"{value:.6f}"))
+def obey(controller, k, value, template="u,{value}"):
+    """Send a command to the drive before the k-th line."""
+    text = template.replace("{value}", f"{value:.6f}")
+    controller.obey(k, framed(controller.drive.rig.protocol, text)[:-1])
 
 
 # --- What it says --------------------------------------------------------------------------------
@@ -61,7 +62,7 @@ def test_it_reports_the_measured_torque_by_its_own_clock(offset, drift, gain, la
     drive = Drive(setup(), torque, offset=offset, drift=drift, gain=gain, bias=0.01, lag=lag)
     controller = Controller(drive)
     for k in (0, 17, 400, 900):
-        time, command, measured = values(drive, controller, k)
+        time, command, measured = values(controller, k)
         t = k / drive.rate
         assert time == pytest.approx((t - offset) / (1 + drift), abs=1e-6)
         assert measured == pytest.approx(float(sample(torque, [t])[0, 0]), abs=1e-6)
@@ -71,28 +72,27 @@ def test_it_reports_the_measured_torque_by_its_own_clock(offset, drift, gain, la
 
 def test_it_obeys_within_its_limits_until_the_host_is_silent():
     drive = Drive(setup(), sine(3.0), gain=0.9)
-    controller, form = Controller(drive), drive.rig.protocol
+    controller = Controller(drive)
     most = drive.rig.motors[0].limit
-    controller.obey(500, command_line(form, "u,{value}", 0.2)[:-1])
-    assert values(drive, controller, 501)[1:] == pytest.approx((0.2, 0.18), abs=1e-6)
-    controller.obey(510, command_line(form, "u,{value}", 5.0)[:-1])
-    assert values(drive, controller, 511)[2] == pytest.approx(most, abs=1e-6)
-    controller.obey(520, command_line(form, "u,{value}", 0.2)[:-1])
+    obey(controller, 500, 0.2)
+    assert values(controller, 501)[1:] == pytest.approx((0.2, 0.18), abs=1e-6)
+    obey(controller, 510, 5.0)
+    assert values(controller, 511)[2] == pytest.approx(most, abs=1e-6)
+    obey(controller, 520, 0.2)
     silent = 520 + int(1000 * SILENCE)
-    torques = [values(drive, controller, k)[1] for k in range(silent - 1, silent + 400, 10)]
+    torques = [values(controller, k)[1] for k in range(silent - 1, silent + 400, 10)]
     assert torques[0] == pytest.approx(0.2)
     assert np.all(np.diff(torques) <= 1e-9)
     assert torques[-1] == 0.0
-    assert values(drive, controller, silent + int(500 * RAMP))[1] == pytest.approx(0.1, abs=1e-3)
+    assert values(controller, silent + int(500 * RAMP))[1] == pytest.approx(0.1, abs=1e-3)
 
 
 def test_a_stopped_drive_obeys_no_more_until_it_is_begun_again():
-    drive = Drive(setup(), sine(3.0))
-    controller, form = Controller(drive), drive.rig.protocol
+    controller = Controller(Drive(setup(), sine(3.0)))
 
     def torque_after(k, text):
-        controller.obey(k, command_line(form, text, 0.2)[:-1])
-        return values(drive, controller, k + 1)[2]
+        obey(controller, k, 0.2, text)
+        return values(controller, k + 1)[2]
 
     assert torque_after(1, "u,{value}") == pytest.approx(0.2, abs=1e-6)
     assert torque_after(2, "stop") == 0.0
@@ -108,7 +108,7 @@ def test_a_stopped_drive_obeys_no_more_until_it_is_begun_again():
 def test_a_restart_sets_the_clock_back_once():
     drive = Drive(setup(), sine(), restarts=1, seed=4, offset=-50.0)
     controller = Controller(drive)
-    time = np.array([values(drive, controller, k)[0] for k in range(drive.lines)])
+    time = np.array([values(controller, k)[0] for k in range(drive.lines)])
     back = np.flatnonzero(np.diff(time) < 0)
     assert len(back) == 1
     assert time[back[0] + 1] == 0.0

@@ -1,12 +1,11 @@
 """A sync LED in the picture and pulses of torque as markers: from the film to the clocks."""
 
-import tomllib
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.driven_pendulum import TABLE, logged_pendulum, write_log
+from fixtures.driven_pendulum import TABLE, aligned, logged_pendulum, write_log
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.simulated_films import (
     BLUE,
@@ -90,13 +89,11 @@ def place(tmp_path_factory):
 
 
 def test_a_sync_led_on_film_ties_the_clocks(place, run):
-    status, out, err = run(place, "track film.mov --out a.csv")
+    status, _, err = run(place, "track film.mov --out a.csv")
     assert (status, err) == (0, "")
     words = "align a.csv log.csv --out data --hold previous --marker led"
-    status, out, err = run(place, words)
-    assert (status, err) == (0, "")
+    out, document = aligned(run(place, words), place / "data" / "a.align.toml")
     assert "marker   10 edges" in out
-    document = tomllib.loads((place / "data" / "a.align.toml").read_text())
     led, clock = document["marker"], document["clock"]
     assert abs(led["offset"] - OFFSET) < 1.96 * led["error"] < 3e-3
     low, high = clock["offset_interval"]
@@ -111,10 +108,9 @@ def test_where_nothing_moves_the_led_alone_ties_the_clocks(place, tmp_path, run)
     (tmp_path / "rig.toml").write_text(RIG)
     log = place / "log.csv"
     assert_one_line(run(tmp_path, "align --out data a.csv", log))
-    status, out, err = run(tmp_path, "align --out data --marker led a.csv", log)
-    assert (status, err) == (0, "")
+    outcome = run(tmp_path, "align --out data --marker led a.csv", log)
+    out, document = aligned(outcome, tmp_path / "data" / "a.align.toml")
     assert "aligned by the marker alone" in out and "viscous" not in out
-    document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
     low, high = document["clock"]["offset_interval"]
     assert low < OFFSET < high and high - low < 0.02 and "viscous" not in document
 

@@ -47,6 +47,11 @@ def toy(monkeypatch, tmp_path):
     return tmp_path
 
 
+def copied(toy, files):
+    """Names of files that are missing once these were copied."""
+    return copy_collection("toy", write(toy / "source", files))
+
+
 def write(folder, files):
     for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -89,23 +94,20 @@ def test_data_sets_state_the_licence_and_the_commit_of_their_collection():
 
 @pytest.mark.parametrize("layout", ["", "raw/"])
 def test_files_are_taken_from_a_folder_in_either_layout(toy, layout):
-    source = write(toy / "source", {layout + name: text for name, text in TOY.items()})
-    assert copy_collection("toy", source) == []
+    assert copied(toy, {layout + name: text for name, text in TOY.items()}) == []
     assert {name: (cached("toy") / name).read_bytes() for name in TOY} == TOY
     assert count_present("toy") == 2
     assert sorted(p.name for p in cached("toy").rglob("*") if p.is_file()) == ["one.csv", "two.csv"]
 
 
 def test_reduced_files_are_taken_under_their_own_name(toy):
-    source = write(toy / "source", {"one.csv.gz": TOY["one.csv"] + b"r"})
-    assert copy_collection("toy", source) == ["day/two.csv"]
+    assert copied(toy, {"one.csv.gz": TOY["one.csv"] + b"r"}) == ["day/two.csv"]
     assert (cached("toy") / "one.csv.gz").is_file()
 
 
 def test_a_wrong_hash_prints_both_and_nothing_is_copied(toy):
-    source = write(toy / "source", {**TOY, "day/two.csv": b"other"})
     with assert_refused(sha(b"other")) as caught:
-        copy_collection("toy", source)
+        copied(toy, {**TOY, "day/two.csv": b"other"})
     assert sha(TOY["day/two.csv"]) in str(caught.value)
     assert not cached("toy").exists()
 
@@ -114,7 +116,7 @@ def test_a_folder_without_the_files_is_refused(toy):
     with assert_refused("is no folder"):
         copy_collection("toy", toy / "nowhere")
     with assert_refused(r"has no file of toy; it should hold one\.csv"):
-        copy_collection("toy", write(toy / "source", {"else.csv": b""}))
+        copied(toy, {"else.csv": b""})
 
 
 @pytest.mark.usefixtures("toy")
@@ -161,7 +163,7 @@ def test_unknown_collections_are_named_with_the_nearest(tmp_path, run):
 
 
 def test_the_list_shows_licences_and_what_is_here(toy, run):
-    copy_collection("toy", write(toy / "source", {"one.csv": TOY["one.csv"]}))
+    copied(toy, {"one.csv": TOY["one.csv"]})
     status, out, _ = run(toy, "data list")
     assert status == 0
     for words in ("toy", "MIT", "allowed", "2, here 1", "of all originals known"):
@@ -196,7 +198,7 @@ patterns = ["one.csv*"]
 
 def test_a_data_set_finds_its_collection_and_refuses_another_file(toy):
     (toy / "dataset.toml").write_text(DATASET)
-    copy_collection("toy", write(toy / "source", TOY))
+    copied(toy, TOY)
     assert load_dataset(toy).hashes == {"one.csv": sha(TOY["one.csv"])}
     (cached("toy") / "one.csv").write_bytes(TOY["one.csv"] + b"3,0,1\n")
     with assert_refused("is not the registered file.*data get toy"):

@@ -37,7 +37,10 @@ from frictionid.data.readers.dataset_toml import check_dataset_toml
 few = settings(max_examples=25)
 
 
-def load(folder, kind, pattern="*.csv", **tables):
+def load(folder, kind, pattern="*.csv", content=None, **tables):
+    """The data set of a reader; a.csv has the content."""
+    if content is not None:
+        (folder / "a.csv").write_bytes(content)
     document = {
         "name": "rig",
         "mechanism": PENDULUM,
@@ -67,11 +70,11 @@ def test_a_recorder_s_file_gives_the_motion_back_however_it_is_laid_out(
     tmp_path, cells, order, preamble
 ):
     separator, comma = cells
-    (tmp_path / "a.csv").write_bytes(recorder(separator, comma, order, preamble))
+    content = recorder(separator, comma, order, preamble)
     place = {k: "Time" if not at else f"Time[{at + 1}]" for at, k in enumerate(order)}
     time = {"angle": place[0], "torque": place[1], "velocity": place[2]}
     own = {**DRIVE, "columns": {**DRIVE["columns"], "time": time}}
-    (found,) = load(tmp_path, "drive_recorder", **own).recordings
+    (found,) = load(tmp_path, "drive_recorder", content=content, **own).recordings
     assert_allclose(found.angle.time, TIME, atol=1e-12)
     assert_allclose(found.torque.time, TIME[::2], atol=1e-12)
     assert_allclose(found.velocity.time, TIME[::5], atol=1e-12)
@@ -81,32 +84,31 @@ def test_a_recorder_s_file_gives_the_motion_back_however_it_is_laid_out(
 
 
 def test_per_mille_of_a_rated_current_is_a_torque_by_its_constant(tmp_path):
-    (tmp_path / "a.csv").write_bytes(recorder())
-    torque = load(tmp_path, "drive_recorder", **DRIVE).recordings[0].torque.value
+    found = load(tmp_path, "drive_recorder", content=recorder(), **DRIVE)
+    torque = found.recordings[0].torque.value
     own = {**DRIVE, "motor": {**UNRATED, "rated_current": 5.0, "kt": 0.25}}
     current = load(tmp_path, "drive_recorder", **own).recordings[0].torque.value
     assert_allclose(current, torque * (5.0 * 0.25 / RATED))
 
 
 def test_a_wrong_clock_of_a_recorder_is_refused(tmp_path):
-    (tmp_path / "a.csv").write_bytes(recorder())
     names = {**DRIVE["columns"], "time": "Time"}
     assert_not_loaded(
         r"'0x6077' stands behind the time 'Time\[2\]', which differs from 'Time'",
-        *(tmp_path, "drive_recorder"),
+        *(tmp_path, "drive_recorder", "*.csv", recorder()),
         **{**DRIVE, "columns": {**names, "velocity": "606Ch"}},
     )
 
 
 def test_targets_of_a_recorder_have_the_time_column_in_front_of_them(tmp_path):
-    (tmp_path / "a.csv").write_bytes(recorder(order=(1, 0)).replace(b"0x6077:00", b"0x607A:00"))
+    content = recorder(order=(1, 0)).replace(b"0x6077:00", b"0x607A:00")
     own = {
         "columns": {"time": "Time[2]", "angle": "0x6064"},
         "units": {"time": "ms", "angle": "counts"},
         "motor": UNRATED,
         "actuator": {"time": "Time", "target": "0x607A", "output": "torque", "P": 2.0},
     }
-    (found,) = load(tmp_path, "drive_recorder", **own).recordings
+    (found,) = load(tmp_path, "drive_recorder", content=content, **own).recordings
     assert_allclose(found.angle.value[:, 0], ANGLE, atol=1e-10)
     assert_allclose(found.servo.goal.time, TIME[::2], atol=1e-12)
     del own["actuator"]["time"]
@@ -131,8 +133,8 @@ columns.angle = "0x6063" => row 4 has no column '0x6063'; it has 'Time', 'Positi
 
 @mistakes(RECORDERS)
 def test_a_mistake_about_a_recorder_is_one_clear_line(tmp_path, wrong, words):
-    (tmp_path / "a.csv").write_bytes(recorder())
-    assert_not_loaded(words, tmp_path, "drive_recorder", **changed(copy.deepcopy(DRIVE), wrong))
+    own = changed(copy.deepcopy(DRIVE), wrong)
+    assert_not_loaded(words, tmp_path, "drive_recorder", content=recorder(), **own)
 
 
 DRIVE_FILES = {
@@ -147,8 +149,7 @@ DRIVE_FILES = {
 
 @pytest.mark.parametrize(("content", "words"), DRIVE_FILES.values(), ids=DRIVE_FILES)
 def test_a_damaged_recorder_s_file_is_one_clear_line(tmp_path, content, words):
-    (tmp_path / "a.csv").write_bytes(content)
-    assert_not_loaded(words, tmp_path, "drive_recorder", **DRIVE)
+    assert_not_loaded(words, tmp_path, "drive_recorder", content=content, **DRIVE)
 
 
 # --- UR RTDE --------------------------------------------------------------------------------------
@@ -158,9 +159,8 @@ def test_a_damaged_recorder_s_file_is_one_clear_line(tmp_path, content, words):
 @given(st.sampled_from(" ,"), st.data())
 def test_an_rtde_recording_gives_the_motion_back(tmp_path, separator, data):
     order = data.draw(st.permutations(rtde().split(b"\n")[0].decode().split()))
-    (tmp_path / "a.csv").write_bytes(rtde(separator, order))
     own = {"joints": [1], "velocity": True}
-    moments = load(tmp_path, "rtde", reader=own)
+    moments = load(tmp_path, "rtde", content=rtde(separator, order), reader=own)
     found = moments.recordings[0]
     assert_array_equal(found.angle.value[:, 0], ANGLE)
     assert_array_equal(found.velocity.value[:, 0], SPEED)
@@ -181,8 +181,7 @@ columns = 3 => columns
 
 @mistakes(MISTAKES)
 def test_a_mistake_about_rtde_is_one_clear_line(tmp_path, wrong, words):
-    (tmp_path / "a.csv").write_bytes(rtde())
-    assert_not_loaded(words, tmp_path, "rtde", **changes(wrong))
+    assert_not_loaded(words, tmp_path, "rtde", content=rtde(), **changes(wrong))
 
 
 # --- LeRobot --------------------------------------------------------------------------------------
