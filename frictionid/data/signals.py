@@ -183,11 +183,9 @@ def check_signal(where: str, signal: Signal) -> None:
     fault = first_fault(time, value, ("time", *(f"column {k}" for k in range(value.shape[1]))))
     if fault:
         raise InputError(f"{where}, sample {fault[0]} (the first is 0): {fault[1]}")
-    if signal.sigma is not None:
-        _check_sigma(where, np.asarray(signal.sigma, float), value.shape)
-
-
-def _check_sigma(where: str, sigma: Array, shape: tuple[int, ...]) -> None:
+    if signal.sigma is None:
+        return
+    sigma, shape = np.asarray(signal.sigma, float), value.shape
     if sigma.shape not in (shape, shape[1:]):
         raise InputError(
             f"{where}: sigma must have one entry per column, shape {shape[1:]}, or per sample, "

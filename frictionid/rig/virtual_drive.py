@@ -101,7 +101,12 @@ class Controller:
             self._booted = self._clock(time)
         protocol, clock = self._form, self._clock(time) - self._booted
         values = {"time": _stamp(clock, protocol.unit, protocol.wrap)}
-        for motor, c, u in zip(self.drive.rig.motors, *self._torques(k, time), strict=True):
+        command, measured = self._commanded[k], self._measured[k]
+        if self._obeyed:
+            command, late = self._command_at(time), self._command_at(time - self.drive.lag)
+            noise = self.drive.noise * self._generator.standard_normal(len(command))
+            measured = self.measured(late) + noise
+        for motor, c, u in zip(self.drive.rig.motors, command, measured, strict=True):
             values[motor.measured] = f"{u / motor.per_measured:.6f}"
             if motor.command:
                 values[motor.command] = f"{c / motor.per_command:.6f}"
@@ -136,14 +141,6 @@ class Controller:
     def _command(self, time: float, torque: Array) -> None:
         self._obeyed.append((time, torque))
         self._heard = time
-
-    def _torques(self, k: int, time: float) -> tuple[Array, Array]:
-        """Commanded and measured torques [N m] of the motors."""
-        if not self._obeyed:
-            return self._commanded[k], self._measured[k]
-        command, late = self._command_at(time), self._command_at(time - self.drive.lag)
-        noise = self.drive.noise * self._generator.standard_normal(len(command))
-        return command, self.measured(late) + noise
 
     def _command_at(self, time: float) -> Array:
         """Command at a time, ramped down when the host is silent."""

@@ -55,7 +55,14 @@ def tables(
     table = read_table(content, file, [*dict.fromkeys([*places.values(), _EPISODE])])
     picked = {name: table.columns[place] for name, place in places.items()}
     angles = {*columns.angle, *columns.covariates.values()}
-    _check_range(chosen, angles, file)
+    elements = [_element(name) for name in angles]
+    for name, (low, high) in chosen.range.items():
+        if name not in elements:
+            raise InputError(
+                f"{file}: [reader] range: no angle {name!r}; {nearest(name, elements)}"
+            )
+        if low == high:
+            raise InputError(f"{file}: [reader] range: {name!r} goes from {low:g} to {high:g}")
     for name in angles:
         low, high = chosen.range.get(_element(name), (-100.0, 100.0))
         picked[name] = low + (picked[name] + 100.0) * ((high - low) / 200.0)
@@ -78,17 +85,6 @@ def unstated(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
         'LeRobot records "deg", "rad", or -100 to 100 of a calibrated range, whose limits then '
         "stand in range in [reader]",
     )
-
-
-def _check_range(settings: LerobotSettings, angles: set[str], file: str) -> None:
-    elements = [_element(name) for name in angles]
-    for name, (low, high) in settings.range.items():
-        if name not in elements:
-            raise InputError(
-                f"{file}: [reader] range: no angle {name!r}; {nearest(name, elements)}"
-            )
-        if low == high:
-            raise InputError(f"{file}: [reader] range: {name!r} goes from {low:g} to {high:g}")
 
 
 def _element(name: str) -> str:
