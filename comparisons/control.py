@@ -112,7 +112,7 @@ def motion(friction: fid.Friction) -> ca.Function:
     x, u = ca.SX.sym("x", 4), ca.SX.sym("u")
 
     def rate(x: Any) -> Any:
-        a, b, c, *h = code(ca, *ca.vertsplit(x), *p)
+        a, b, _, c, *h = code(ca, *ca.vertsplit(x), *p)
         M = ca.vertcat(ca.horzcat(a, b), ca.horzcat(b, c))
         Tf = torque(x[2:]) if friction.law.names else ca.SX.zeros(2)
         return ca.vertcat(x[2:], ca.solve(M, ca.vertcat(*h) + ca.vertcat(0, u) - Tf))

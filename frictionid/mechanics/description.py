@@ -87,7 +87,7 @@ class Description:
 class Equations(NamedTuple):
     """Symbolic equations of motion in base parameters.
 
-    M : upper triangle of the mass matrix by rows; h, dLdq : n expressions; energy : T + V
+    M : mass matrix by rows; h, dLdq : n expressions; energy : T + V
     arguments : symbols of q, w and base parameters; base : those of the base parameters
     """
 
@@ -109,21 +109,10 @@ def equations_of_motion(d: Description) -> Equations:
     kinetic, potential = (_in_base(energy, d, symbols) for energy in energies(d))
     L = kinetic - potential
     momentum = [sp.diff(L, wi) for wi in d.w]
-    M = [sp.diff(momentum[i], d.w[j]) for i in n for j in n if j >= i]
+    M = [sp.diff(momentum[min(i, j)], d.w[max(i, j)]) for i in n for j in n]
     dLdq = [sp.diff(L, qi) for qi in d.q]
     h = [sp.expand(dLdq[i] - sum(sp.diff(momentum[i], d.q[j]) * d.w[j] for j in n)) for i in n]
     return Equations(M, h, dLdq, kinetic + potential, [*d.q, *d.w, *symbols], symbols)
-
-
-def full_matrix(upper: Sequence[Any], n: int) -> dict[tuple[int, int], Any]:
-    """Entries of a symmetric matrix by row and column, from its upper triangle by rows.
-
-    >>> full_matrix("abc", 2)[1, 0]
-    'b'
-    """
-    places = [(i, j) for i in range(n) for j in range(i, n)]
-    pairs = list(zip(places, upper, strict=True))
-    return {**dict(pairs), **{(j, i): entry for (i, j), entry in pairs}}
 
 
 def energies(d: Description) -> tuple[sp.Expr, sp.Expr]:

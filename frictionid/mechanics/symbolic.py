@@ -18,7 +18,7 @@ from sympy.printing.str import StrPrinter
 from frictionid.arrays import Array, like, namespace, solve, times
 from frictionid.config import check_arguments
 
-from .description import Description, Equations, bearing_forces, equations_of_motion, full_matrix
+from .description import Description, Equations, bearing_forces, equations_of_motion
 from .mechanism import Mechanism, Partials, Terms
 
 
@@ -125,28 +125,24 @@ class SymbolicMechanism(Mechanism):
 
     def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
         flat, zero = self._evaluate(self._code.dynamics, p, q, w)
-        return self._symmetric(flat[: -self.n], zero), _columns(flat[-self.n :], zero)
+        return self._rows(flat[: -self.n], zero), _columns(flat[-self.n :], zero)
 
     def inertia(self, p: Array, q: Array) -> Array:
-        return self._symmetric(*self._evaluate(self._code.inertia, p, q))
+        return self._rows(*self._evaluate(self._code.inertia, p, q))
 
     def terms(self, p: Array, q: Array, w: Array) -> Terms:
         n = self.n
         flat, zero = self._evaluate(self._code.terms, p, q, w)
-        M = self._symmetric(flat[: -2 * n - 1], zero)
+        M = self._rows(flat[: -2 * n - 1], zero)
         h, dLdq = _columns(flat[-2 * n - 1 : -n - 1], zero), _columns(flat[-n - 1 : -1], zero)
         B = like(self.B, M)
         return Terms(M, h, times(M, w), dLdq, B, flat[-1] + zero)
 
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
         flat, zero = self._evaluate(self._code.partials, p, q, w, a)
-
-        def matrix(first: int, columns: int) -> Array:
-            entries = _columns(flat[first : first + self.n * columns], zero)
-            return entries.reshape((*entries.shape[:-1], self.n, columns))
-
-        n, nb = self.n, p.shape[-1]
-        return Partials(matrix(0, n), matrix(n * n, n), matrix(2 * n * n, nb))
+        square = self.n**2
+        parts = flat[:square], flat[square : 2 * square], flat[2 * square :]
+        return Partials(*(self._rows(part, zero) for part in parts))
 
     def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
         values = self._complete(parameters)
@@ -185,9 +181,10 @@ class SymbolicMechanism(Mechanism):
         flat = code(namespace(q, p), *state, *(p[..., i] for i in range(p.shape[-1])))
         return flat, 0.0 * (q[..., 0] + p[..., 0])
 
-    def _symmetric(self, upper: Sequence[Array], zero: Array) -> Array:
-        flat = _columns([upper[i] for i in _places(self.n)], zero)
-        return flat.reshape((*flat.shape[:-1], self.n, self.n))
+    def _rows(self, entries: Sequence[Array], zero: Array) -> Array:
+        """Matrices (..., n, k) of their entries by rows."""
+        flat = _columns(entries, zero)
+        return flat.reshape((*flat.shape[:-1], self.n, len(entries) // self.n))
 
     @cached_property
     def _code(self) -> "_Compiled":
@@ -228,8 +225,7 @@ class _Compiled:
     def partials(self) -> Callable[..., Any]:
         e, d, n = self.equations, self.description, range(len(self.description.q))
         a = sp.symbols(f"_a0:{len(n)}")
-        M = full_matrix(e.M, len(n))
-        torque = [sum(M[i, j] * a[j] for j in n) - e.h[i] for i in n]
+        torque = [sum(e.M[len(n) * i + j] * a[j] for j in n) - e.h[i] for i in n]
         outputs = [sp.diff(t, x) for xs in (d.q, d.w, e.base) for t in torque for x in xs]
         return scalar_code([*d.q, *d.w, *a, *e.base], outputs)
 
@@ -256,13 +252,6 @@ def _columns(entries: Sequence[Array], zero: Array) -> Array:
     for i, entry in enumerate(entries):
         out[..., i] = entry
     return out
-
-
-@cache
-def _places(n: int) -> tuple[int, ...]:
-    """Place in the upper triangle, by rows, of each entry of a symmetric matrix."""
-    entries = full_matrix(range(n * (n + 1) // 2), n)
-    return tuple(entries[i, j] for i in range(n) for j in range(n))
 
 
 _compiled = cache(_Compiled)
