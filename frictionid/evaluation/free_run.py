@@ -8,14 +8,14 @@ All other recordings run under their recorded torque.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, usual_step
 from frictionid.data.integrals import averages
 from frictionid.data.joint_scales import joint_sizes, norm_of
-from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.recordings import Dataset
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States
@@ -27,7 +27,7 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
 from .folds import Folds
-from .initial_states import base_motion_between, padded, servos_of, temperatures
+from .initial_states import base_motion_between, padded, servos_of, side_by_side, temperatures
 from .score_frame import Score, parts_of
 
 _AT_ONE_TEMPERATURE = 100  # intervals
@@ -59,12 +59,9 @@ class Trajectory(NamedTuple):
 
     def take(self, rows: Array) -> "Trajectory":
         """Some of the recordings."""
-        by_row: dict[str, Any] = {"q": self.q[rows], "w": self.w[rows]}
-        for name in ("time", "u", "measured", "temperature", "base_motion"):
-            values = getattr(self, name)
-            by_row[name] = None if values is None else values[:, rows]
-        servos = tuple(self.servos[r] for r in rows) if self.servos else ()
-        return self._replace(names=tuple(self.names[r] for r in rows), servos=servos, **by_row)
+        second = ("time", "u", "measured", "temperature", "base_motion")
+        chosen = side_by_side(self, rows, ("q", "w"), second)
+        return self._replace(names=tuple(self.names[r] for r in rows), **chosen)
 
 
 def with_motor_torque(dataset: Dataset, plant: Plant) -> Dataset:
@@ -75,15 +72,13 @@ def with_motor_torque(dataset: Dataset, plant: Plant) -> Dataset:
     if "kt" not in plant.parameters:
         return dataset
     pairs = zip(plant.parameters["kt"], plant.parameters["R"], strict=True)
-    each = zip(dataset.recordings, pairs, strict=True)
-    return replace(dataset, recordings=tuple(_with_motor_torque(r, *motor) for r, motor in each))
-
-
-def _with_motor_torque(recording: Recording, kt: float, R: float) -> Recording:
-    if recording.servo is None or kt <= 0 or R <= 0:
-        return recording
-    servo = recording.servo.with_motor(kt, R)
-    return replace(recording, servo=servo, torque=servo_torque(servo, recording.angle))
+    recordings = list(dataset.recordings)
+    for i, (recording, (kt, R)) in enumerate(zip(dataset.recordings, pairs, strict=True)):
+        if recording.servo is not None and kt > 0 and R > 0:
+            servo = recording.servo.with_motor(kt, R)
+            torque = servo_torque(servo, recording.angle)
+            recordings[i] = replace(recording, servo=servo, torque=torque)
+    return replace(dataset, recordings=tuple(recordings))
 
 
 def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0.0) -> Trajectory:

@@ -24,13 +24,6 @@ from frictionid.mechanics import Plant
 
 from .folds import Folds
 
-# Where the rollouts stand in each array.
-_AXIS = {
-    **dict.fromkeys("recording index q w temperature time play".split(), 0),
-    **dict.fromkeys("u dt measured truth last base_motion".split(), 1),
-}
-
-
 class InitialStates(NamedTuple):
     """Rollouts to be made, S side by side over at most T intervals; behind a recording's end: NaN.
 
@@ -70,12 +63,9 @@ class InitialStates(NamedTuple):
 
     def take(self, rows: Array) -> "InitialStates":
         """Some (k,) of the rollouts, as often as they are asked for."""
-        chosen: dict[str, Any] = {}
-        for name, axis in _AXIS.items():
-            values = getattr(self, name)
-            chosen[name] = None if values is None else np.take(values, rows, axis)
-        servos = tuple(self.servos[i] for i in rows) if self.servos else ()
-        return self._replace(servos=servos, **chosen)
+        first = ("recording", "index", "q", "w", "temperature", "time", "play")
+        second = ("u", "dt", "measured", "truth", "last", "base_motion")
+        return self._replace(**side_by_side(self, rows, first, second))
 
     def with_rows(self, other: "InitialStates", rows: Array) -> "InitialStates":
         """The initial states with some (k,) of another calibration of the same data."""
@@ -244,6 +234,18 @@ def _windows(
     series: Sequence[Array], pairs: Sequence[tuple[int, int]], length: int, fill: float
 ) -> Array:
     return padded([series[r][k : k + length] for r, k in pairs], length, fill)
+
+
+def side_by_side(
+    motions: Any, rows: Array, first: Sequence[str], second: Sequence[str]
+) -> dict[str, Any]:
+    """Fields of some (k,) motions: servos, and arrays whose first or second axis the motions are."""
+    chosen: dict[str, Any] = {"servos": tuple(motions.servos[i] for i in rows if motions.servos)}
+    for axis, names in enumerate((first, second)):
+        for name in names:
+            values = getattr(motions, name)
+            chosen[name] = None if values is None else np.take(values, rows, axis)
+    return chosen
 
 
 def padded(parts: Sequence[Array], length: int, fill: float) -> Array:

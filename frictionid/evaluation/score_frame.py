@@ -104,18 +104,6 @@ def parts_of(
         yield np.abs(error[..., j]), score._replace(joint=str(j + 1), unit=joint_unit)
 
 
-def summarise(errors: Array, score: Score) -> Iterator[Score]:
-    """Mean, rms, median and 90 % quantile of absolute errors (N,), all finite."""
-    statistics = {
-        "mean": np.mean(errors),
-        "rms": rms(errors),
-        "median": np.median(errors),
-        "q90": np.quantile(errors, 0.9),
-    }
-    for name, value in statistics.items():
-        yield score._replace(statistic=name, value=float(value))
-
-
 def summarise_rollouts(errors: Array, score: Score, limit: float) -> Iterator[Score]:
     """Median, 90 % quantile and diverged share of rollout errors (N,), in the unit of the score.
 

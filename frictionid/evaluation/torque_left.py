@@ -243,15 +243,14 @@ def _balance(friction: Friction, prepared: Prepared) -> tuple[Problem, Array]:
     return problem, problem.residual(along(friction, problem.nodes))[:, : data.plant.n]
 
 
-_FRAME = (
-    (MEASURED, "rms"),
-    (LEFT, "rms"),
-    (LEFT, "share"),
-    (NOMINAL, "rms"),
-    (NOMINAL, "share"),
-    (NOISE, "share"),
-)
-COLUMNS = "joint unit measured_rms left_rms left nominal_rms nominal noise".split()
+_FRAME = {
+    "measured_rms": (MEASURED, "rms"),
+    "left_rms": (LEFT, "rms"),
+    "left": (LEFT, "share"),
+    "nominal_rms": (NOMINAL, "rms"),
+    "nominal": (NOMINAL, "share"),
+    "noise": (NOISE, "share"),
+}
 
 
 def torque_frame(scores: Iterable[Sequence[Any]]) -> pd.DataFrame:
@@ -273,7 +272,7 @@ def torque_frame(scores: Iterable[Sequence[Any]]) -> pd.DataFrame:
     none = Score("all", "")
     lines = []
     for joint in [*joints, *["all"] * bool(joints)]:
-        measured, *both = (values.get((*column, joint), none) for column in _FRAME)
-        unit = "" if joint == "all" else both[0].unit
-        lines.append((joint, unit, measured.value, *(s.value for s in both)))
-    return pd.DataFrame(lines, columns=COLUMNS)
+        numbers = [values.get((*kind, joint), none) for kind in _FRAME.values()]
+        unit = "" if joint == "all" else numbers[1].unit
+        lines.append((joint, unit, *(s.value for s in numbers)))
+    return pd.DataFrame(lines, columns=["joint", "unit", *_FRAME])
