@@ -41,8 +41,7 @@ def two_mass_axis(
 def _two_mass_axis(hanging: bool = False, gap: NotNegative = 0.0) -> Description:
     motor, load, k, moment, q1, q2 = sp.symbols("motor_inertia load_inertia stiffness moment q1 q2")
     spring = k * _energy(q1 - q2, float(gap))
-    meaning = "of motor and gear about the axis, at the load"
-    of_motor = Parameter("motor_inertia", 0.01, "kg m^2", meaning, required=True)
+    at_load = "of motor and gear about the axis, at the load"
     weight = (Parameter("moment", 1.0, "N m", "gravity moment of the load", required=True),)
     return Description(
         kind="two_mass_axis",
@@ -50,10 +49,8 @@ def _two_mass_axis(hanging: bool = False, gap: NotNegative = 0.0) -> Description
         q=(q1, q2),
         gravity=0,
         parameters=(
-            *(
-                of_motor,
-                Parameter("load_inertia", 0.05, "kg m^2", "of the load about its axis", True),
-            ),
+            Parameter("motor_inertia", 0.01, "kg m^2", at_load, required=True),
+            Parameter("load_inertia", 0.05, "kg m^2", "of the load about its axis", True),
             Parameter("stiffness", 300.0, "N m/rad", "of gear, belt or shaft", required=True),
             *(weight if hanging else ()),
         ),

@@ -92,23 +92,17 @@ class _Check(NamedTuple):
     def facts(self) -> Rules:
         """Names are unique, and there is one entry for each joint and base parameter."""
         m = self.mechanism
-        for label, names in (
-            ("joints", m.joints),
-            ("base_names", m.base_names),
-            ("parameters", tuple(p.name for p in m.parameters)),
-        ):
+        parameters = tuple(p.name for p in m.parameters)
+        several = {"joints": m.joints, "base_names": m.base_names, "parameters": parameters}
+        for label, names in several.items():
             yield len(set(names)) == len(names), f"{label} must be different: {names}"
-        for label, entries in (
-            ("position_units", m.position_units),
-            ("velocity_units", m.velocity_units),
-            ("torque_units", m.torque_units),
-            ("driven", m.driven),
-        ):
+        for label in ("position_units", "velocity_units", "torque_units", "driven"):
+            entries = getattr(m, label)
             yield len(entries) == m.n, f"{label} must have one entry per joint: {entries}"
         valid = set(m.position_units) <= {"rad", "m"}
         yield valid, f'position_units must be "rad" or "m", not {m.position_units}'
-        for label, texts in (("base_units", m.base_units), ("base_meanings", m.base_meanings)):
-            same = len(texts) == len(m.base_names)
+        for label in ("base_units", "base_meanings"):
+            same = len(getattr(m, label)) == len(m.base_names)
             yield same, f"{label} must have one entry per base parameter"
         idle = np.asarray(m.B)[:, ~np.array(m.driven)]
         yield np.shape(m.B) == (m.n, m.n), f"B must be ({m.n}, {m.n}), not {np.shape(m.B)}"
@@ -135,9 +129,8 @@ class _Check(NamedTuple):
     def parts(self) -> Rules:
         """`dynamics` and `inertia` are parts of `terms`."""
         m, t = self.mechanism, self.mechanism.terms(self.p, self.q, self.w)
-        M, h = m.dynamics(self.p, self.q, self.w)
-        yield _equal(M, t.M, "dynamics and terms must have the same M")
-        yield _equal(h, t.h, "dynamics and terms must have the same h")
+        for name, value in zip("Mh", m.dynamics(self.p, self.q, self.w), strict=True):
+            yield _equal(value, getattr(t, name), f"dynamics and terms must have the same {name}")
         yield _equal(m.inertia(self.p, self.q), t.M, "inertia and terms must have the same M")
         yield _equal(t.B, m.B, "terms must have the mechanism's B")
         yield _equal(t.momentum, times(t.M, self.w), "momentum must be M w")
@@ -178,12 +171,11 @@ class _Check(NamedTuple):
 
     def linear(self) -> Rules:
         """M and h are linear in p: unit vectors of p add up to them."""
-        m, (M, h) = self.mechanism, self.mechanism.dynamics(self.p, self.q, self.w)
-        units = np.eye(len(self.p))[:, None]
-        each_M, each_h = m.dynamics(units, self.q, self.w)
-        rule = "{} must be linear in the base parameters"
-        yield _equal(np.tensordot(self.p, each_M, 1), M, rule.format("M"))
-        yield _equal(np.tensordot(self.p, each_h, 1), h, rule.format("h"))
+        bases = self.p, np.eye(len(self.p))[:, None]
+        both = (self.mechanism.dynamics(p, self.q, self.w) for p in bases)
+        for name, whole, each in zip("Mh", *both, strict=True):
+            total = np.tensordot(self.p, each, 1)
+            yield _equal(total, whole, f"{name} must be linear in the base parameters")
 
     def batches(self) -> Rules:
         """A batch of states and base parameters gives what each gives alone."""

@@ -192,15 +192,13 @@ def _inertia(bodies: Sequence[_Part], turns: Array, pivot: Array) -> Array:
     Only the inertia about the plane's normal matters; it is the same about all axes, which can be.
     """
     mass = np.array([p.body.mass for p in bodies])
-    if not bodies or mass.sum() == 0:
-        size = sum(p.body.inertia for p in bodies if not _apart(p, turns))
-        return np.array([0.0] * 4 + [size, 0.0, 0.0, size, 0.0, size])
     zero = {s: 0.0 for p in bodies for e in (p.body.x, p.body.y) for s in e.free_symbols}
     r = np.array([[float(e.subs(zero)) for e in (p.body.x, p.body.y)] for p in bodies])
-    centre = mass @ r / mass.sum()
+    r, total = r.reshape(-1, 2), mass.sum()
+    centre = mass @ r / (total or 1.0)
     size = float(mass @ ((r - centre) ** 2).sum(axis=1))
     size += sum(p.body.inertia for p in bodies if not _apart(p, turns))
-    at_centre = np.array([mass.sum(), 0.0, 0.0, 0.0, size, 0.0, 0.0, size, 0.0, size])
+    at_centre = np.array([total, 0.0, 0.0, 0.0, size, 0.0, 0.0, size, 0.0, size])
     return moved(at_centre, np.eye(3), _in_space(centre - pivot))
 
 
