@@ -19,6 +19,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Mechanism, Plant
+from frictionid.simulate.dataset_folder import ROBOT_FILES
 
 _LIMITS = "torque=0.14,velocity=[10,20],angle=3.1"
 _PRIOR = "coulomb=[0.1,0.05],viscous=0.001"
@@ -303,5 +304,5 @@ def load_mechanism(path: Path) -> dict[str, Any]:
     table = document.get("mechanism")
     if not isinstance(table, dict):
         raise InputError(f'{file} has no [mechanism] table; add one, e.g. kind = "acrobot"')
-    robots = {key: str(file.parent / str(table[key])) for key in ("urdf", "mjcf") if key in table}
+    robots = {key: str(file.parent / str(table[key])) for key in ROBOT_FILES if key in table}
     return {**table, **robots}

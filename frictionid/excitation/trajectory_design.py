@@ -183,7 +183,8 @@ def _within_limits(task: TrajectoryTask, x: Array) -> Trajectory | None:
     scale = np.minimum(*(r / np.abs(x).max(axis=0) for r, x in zip(room, (q, w), strict=True)))
     for _ in range(_TRIES):
         motion = offset + scale * q, scale * w
-        torque = _torque(task, *motion, scale * a)
+        M, h = task.plant.dynamics(*motion)
+        torque = times(M, scale * a) - h + task.friction.torque(at_rest(motion[1]))
         over = float((np.abs(torque).max(axis=0) / (_MARGIN * limits.torque)).max())
         if over <= 1.0:
             rows = zip(scale[:, None] * sines, scale[:, None] * cosines, offset, strict=True)
@@ -201,12 +202,6 @@ def _at_rest(task: TrajectoryTask, sines: Array, cosines: Array) -> tuple[Array,
     rate = np.arange(1.0, task.harmonics + 1)
     rest = cosines - np.outer(cosines @ rate, rate) / (rate @ rate)
     return sines - sines.mean(axis=1, keepdims=True), rest
-
-
-def _torque(task: TrajectoryTask, q: Array, w: Array, a: Array) -> Array:
-    """Torques (T, n) [N m] of a motion with the prior friction."""
-    M, h = task.plant.dynamics(q, w)
-    return times(M, a) - h + task.friction.torque(at_rest(w))
 
 
 def _size(task: TrajectoryTask) -> int:

@@ -75,11 +75,10 @@ def settings_of(kind: type[Settings], document: dict[str, Any], file: str) -> Se
     try:
         # as JSON: lists become tuples, tables dataclasses, and nothing else is converted
         text = json.dumps(document, default=str)
-        settings = TypeAdapter(kind).validate_json(text, strict=True)
+        return TypeAdapter(kind).validate_json(text, strict=True)
     except ValidationError as invalid:
         error = invalid.errors(include_url=False)[0]
         raise InputError(f"{file}: {_sentence(error)}") from None
-    return settings
 
 
 def _sentence(error: Any) -> str:
@@ -165,9 +164,8 @@ def write_dataset(
 
 def _files(dataset: Dataset) -> dict[str, bytes]:
     """Content of each file by its name."""
-    driven = dataset.mechanism.driven
-    tables = {f"{r.name}.csv": _table(r, driven) for r in dataset.recordings}
-    document = _document(dataset, driven)
+    tables = {f"{r.name}.csv": _table(r, dataset.mechanism.driven) for r in dataset.recordings}
+    document = _document(dataset)
     document["sha256"] = {name: sha256(text) for name, text in tables.items()}
     document["truth"] = dict(dataset.truth or {})
     robot = _robot_file(document["mechanism"])
@@ -184,9 +182,9 @@ def _robot_file(table: dict[str, Any]) -> dict[str, bytes]:
     return {}
 
 
-def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
-    joints = range(1, len(driven) + 1)
-    columns = joint_columns(driven)
+def _document(dataset: Dataset) -> dict[str, Any]:
+    m = dataset.mechanism
+    joints, columns = range(1, m.n + 1), joint_columns(m.driven)
     if _one_clock(dataset.recordings[0]):
         columns["time"] = "time"
     columns["truth"] = {
@@ -195,7 +193,6 @@ def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
     }
     if names := dataset.recordings[0].covariates:
         columns["covariates"] = {name: name for name in names}
-    m = dataset.mechanism
     units = {"angle": m.position_units, "velocity": m.velocity_units, "torque": m.torque_units}
     return {
         "name": dataset.name,

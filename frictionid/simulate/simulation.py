@@ -1,7 +1,5 @@
 """Recordings of a simulated rig: commands, motion, camera."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
@@ -11,7 +9,7 @@ from frictionid.mechanics import Plant
 
 from .integrate import integrate_motion
 from .rig import Rig, Run, generator, nominal_mechanism, true_system
-from .torques import track
+from .torques import sampled_loop, tracking
 
 ORIGIN = "simulated by frictionid simulate"
 # Commands are multiples of 1e-6 N m, so that the tables hold them exactly.
@@ -78,21 +76,24 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
 def _driven(rig: Rig, seed: int, time: Array) -> tuple[list[Signal], Array]:
     """Logged torques of all recordings, and true states at the camera's times (K, 3, R, n)."""
     commands = [_command(rig, run, seed, time[-1]) for run in rig.recordings]
-    return commands, _states(rig, seed, commands, time)
+    edges = _merged(time, commands[0].time + rig.drive.delay)
+    middles = 0.5 * (edges[1:] + edges[:-1]) - rig.drive.delay
+    applied = np.stack([sample(command, middles) for command in commands], axis=1)
+    q = np.array([run.start_angle for run in rig.recordings], dtype=float)
+    w = np.array([run.start_velocity or (0.0,) * q.shape[1] for run in rig.recordings])
+    step = 1.0 / (rig.camera.rate * rig.substeps)
+    states = integrate_motion(true_system(rig, seed), q, w, rig.drive.gain * applied, edges, step)
+    return commands, states[np.searchsorted(edges, time)]
 
 
 def _tracked(rig: Rig, seed: int, time: Array) -> tuple[list[Signal], Array]:
     """The same under the position controller."""
     assert rig.controller is not None
-    done = track(
-        true_system(rig, seed),
-        Plant.from_parameters(nominal_mechanism(rig), {}),
-        rig.controller,
-        [run.references for run in rig.recordings],
-        time,
-        delay=rig.drive.delay,
-        gain=rig.drive.gain,
-        substeps=rig.substeps,
+    system, references = true_system(rig, seed), [run.references for run in rig.recordings]
+    nominal, drive = Plant.from_parameters(nominal_mechanism(rig), {}), rig.drive
+    command = tracking(system, nominal, rig.controller, references, time)
+    done = sampled_loop(
+        *(system, *command, time), delay=drive.delay, gain=drive.gain, substeps=rig.substeps
     )
     rounded = np.round(done.torque, COMMAND_DECIMALS)
     commands = [Signal(time, rounded[:, r], hold="previous") for r in range(rounded.shape[1])]
@@ -109,18 +110,6 @@ def _command(rig: Rig, run: Run, seed: int, end: float) -> Signal:
     for joint, torque in zip(np.flatnonzero(mechanism.driven), run.torques, strict=False):
         value[:, joint] = torque.values(time, draw)
     return Signal(time, np.round(value, COMMAND_DECIMALS), hold="previous")
-
-
-def _states(rig: Rig, seed: int, commands: Sequence[Signal], time: Array) -> Array:
-    """True states at the camera's times, shape (K, 3, R, n)."""
-    edges = _merged(time, commands[0].time + rig.drive.delay)
-    middles = 0.5 * (edges[1:] + edges[:-1]) - rig.drive.delay
-    applied = np.stack([sample(command, middles) for command in commands], axis=1)
-    q = np.array([run.start_angle for run in rig.recordings], dtype=float)
-    w = np.array([run.start_velocity or (0.0,) * q.shape[1] for run in rig.recordings])
-    step = 1.0 / (rig.camera.rate * rig.substeps)
-    states = integrate_motion(true_system(rig, seed), q, w, rig.drive.gain * applied, edges, step)
-    return states[np.searchsorted(edges, time)]
 
 
 def _merged(time: Array, changes: Array) -> Array:

@@ -212,23 +212,22 @@ class Tracked(NamedTuple):
     torque: Array
 
 
-def track(
+Command = Callable[[int, Array], Array]
+
+
+def tracking(
     system: TrueSystem,
     nominal: Plant,
     controller: Controller,
     references: Sequence[Sequence[Fourier]],
     time: Array,
-    *,
-    delay: float = 0.0,
-    gain: float = 1.0,
-    substeps: int = 4,
-) -> Tracked:
-    """Motion of R recordings side by side under the controller, one reference per joint each.
+) -> tuple[Command, Array]:
+    """What the controller commands, and start (3, R, n) of R recordings side by side.
+
+    As `sampled_loop` takes them. A reference for each joint of each recording.
 
     nominal : the model in the controller
     time : (T,) [s], evenly spaced samples of the controller
-    delay : [s], by which a command acts later; gain : by which it acts stronger
-    substeps : steps of the integration between two samples
 
     >>> from frictionid.mechanics import pendulum
     >>> from frictionid.simulate.true_friction import Curve, Stribeck
@@ -236,7 +235,8 @@ def track(
     >>> nominal = Plant.from_parameters(machine, {})
     >>> system = TrueSystem(machine, nominal.p, Stribeck(Curve((0.5,), (0.5,), (0.1,))))
     >>> wanted, time = Fourier((1.0,), (0.0,), 0.5), np.arange(500) * 0.002
-    >>> done = track(system, nominal, Controller((400.0,), (20.0,)), [[wanted]], time)
+    >>> command = tracking(system, nominal, Controller((400.0,), (20.0,)), [[wanted]], time)
+    >>> done = sampled_loop(system, *command, time)
     >>> bool(np.abs(done.states[:, 0, 0, 0] - wanted.motion(time)[0]).max() < 0.003)
     True
     """
@@ -251,12 +251,12 @@ def track(
         off = wanted[k, :2] - y[:2]
         return motors * (forward[k] + kp * off[0] + kd * off[1])
 
-    return sampled_loop(system, command, start, time, delay=delay, gain=gain, substeps=substeps)
+    return command, start
 
 
 def sampled_loop(
     system: TrueSystem,
-    command: Callable[[int, Array], Array],
+    command: Command,
     start: Array,
     time: Array,
     *,

@@ -8,7 +8,7 @@ from fixtures.true_curves import plain_friction
 from frictionid.mechanics import Plant, double_pendulum
 from frictionid.simulate import Camera, Drive, Rig, Run, simulate
 from frictionid.simulate.integrate import TrueSystem, integrate_motion
-from frictionid.simulate.torques import Controller, Fourier, track
+from frictionid.simulate.torques import Controller, Fourier, sampled_loop, tracking
 
 MACHINE = double_pendulum(m1=0.6, m2=0.5, l1=0.25, r1=0.12, r2=0.13, I1=0.013, I2=0.012)
 NOMINAL = Plant.from_parameters(MACHINE, {})
@@ -23,7 +23,8 @@ TIME = np.arange(200) * 0.002
 
 
 def motion(references=REFERENCES, **settings):
-    return track(TRUE, NOMINAL, CONTROLLER, references, TIME, **settings)
+    command = tracking(TRUE, NOMINAL, CONTROLLER, references, TIME)
+    return sampled_loop(TRUE, *command, TIME, **settings)
 
 
 def test_a_reference_is_the_integral_of_its_velocity():
