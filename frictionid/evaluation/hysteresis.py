@@ -120,8 +120,7 @@ def hysteresis_loops(
         for factor in settings.factors:
             usual = min(_FINE, 1.0 / (_POINTS * float((factor * frequency).max())))
             dt = usual if friction.law.sample_time is None else interval
-            motion = _sinusoids(kind, amplitude, factor * frequency, dt)
-            out += _loops_along(friction, plant, kind, dt, motion)
+            out += _loops_along(friction, plant, kind, amplitude, factor * frequency, dt)
     return sorted(out, key=lambda loop: loop.joint)
 
 
@@ -148,14 +147,10 @@ def _sinusoids(
 
 
 def _loops_along(
-    friction: Friction,
-    plant: Plant,
-    kind: str,
-    dt: float,
-    motion: tuple[Array, Array, Array, Array],
+    friction: Friction, plant: Plant, kind: str, amplitude: Array, frequency: Array, dt: float
 ) -> list[HysteresisLoop]:
     """Each joint's loop over the last whole period of its sinusoid."""
-    steps, time, q, w = motion
+    steps, time, q, w = _sinusoids(kind, amplitude, frequency, dt)
     zero, count = np.zeros_like(w), len(time)
     at, still = (value[:, : plant.n] for value in (q, zero))
     load = plant.load(at, w[:, : plant.n], still)

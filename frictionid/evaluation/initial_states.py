@@ -24,6 +24,7 @@ from frictionid.mechanics import Plant
 
 from .folds import Folds
 
+
 class InitialStates(NamedTuple):
     """Rollouts to be made, S side by side over at most T intervals; behind a recording's end: NaN.
 
@@ -239,7 +240,7 @@ def _windows(
 def side_by_side(
     motions: Any, rows: Array, first: Sequence[str], second: Sequence[str]
 ) -> dict[str, Any]:
-    """Fields of some (k,) motions: servos, and arrays whose first or second axis the motions are."""
+    """Fields of some (k,) motions: servos, and arrays along whose first or second axis they are."""
     chosen: dict[str, Any] = {"servos": tuple(motions.servos[i] for i in rows if motions.servos)}
     for axis, names in enumerate((first, second)):
         for name in names:

@@ -316,7 +316,14 @@ def predicted_motion(
         raise InputError("start does not go with whole or every: it is that of one prediction")
     protocol = Protocol(horizons=(horizon,), every=every or horizon, whole=whole)
     if start is not None:
-        _check_start(dataset, start, horizon)
+        longest = max(r.angle.duration for r in dataset.recordings)
+        if not start >= 0:
+            raise InputError(f"start = {start} must be 0 s or more after the first sample")
+        if start + horizon > longest + 1e-9:
+            raise InputError(
+                f"data set {dataset.name!r}: no recording has {horizon:g} s of motion from "
+                f"{start:g} s after its first sample, the longest is {longest:g} s: begin earlier"
+            )
         protocol = replace(protocol, every=_NEVER, history=start)
     prepared = prepared_for(prepare(dataset, protocol), friction)
     batch = friction[None]
@@ -338,17 +345,6 @@ def check_joints(friction: Friction, dataset: Dataset) -> None:
         raise InputError(
             f"data set {dataset.name!r} has {joints} joints, the model has {friction.n}: give a "
             "model of the same mechanism"
-        )
-
-
-def _check_start(dataset: Dataset, start: float, horizon: float) -> None:
-    if not start >= 0:
-        raise InputError(f"start = {start} must be 0 s or more after the first sample")
-    longest = max(r.angle.duration for r in dataset.recordings)
-    if start + horizon > longest + 1e-9:
-        raise InputError(
-            f"data set {dataset.name!r}: no recording has {horizon:g} s of motion from {start:g} s "
-            f"after its first sample, the longest is {longest:g} s: begin earlier"
         )
 
 

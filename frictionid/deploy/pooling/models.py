@@ -62,10 +62,12 @@ def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ())
     if not entries:
         raise InputError(f"pool: no parameter has two estimates; {'; '.join(sentences)}")
     document = Pooled(tuple(names), tuple(entries), tuple(sentences))
+    common = set.intersection(*(set(model.parameters.items()) for model in models))
+    parameters = {k: v for k, v in first.parameters.items() if (k, v) in common}
     return Friction(
         first.law,
         theta,
-        _common_parameters(models),
+        parameters,
         _source(models, names, document),
         first.position_units,
         load_unit=first.load_unit,
@@ -245,15 +247,6 @@ def check_alike(models: Sequence[Friction], names: Sequence[str], equal: Groups 
                     f"pool: joints {', '.join(map(str, group))} of {name} were fitted as one: "
                     "give the fit in which each has parameters of its own"
                 )
-
-
-def _common_parameters(models: Sequence[Friction]) -> dict[str, float]:
-    """Parameters of the mechanism that all models bring alike."""
-    return {
-        k: v
-        for k, v in models[0].parameters.items()
-        if all(model.parameters.get(k) == v for model in models)
-    }
 
 
 def _source(models: Sequence[Friction], names: Sequence[str], document: Pooled) -> Provenance:

@@ -10,7 +10,6 @@ import pandas as pd
 
 from frictionid.api.models import count as whole
 from frictionid.api.models import friction_of
-from frictionid.arrays import Array
 from frictionid.comparison.equal_joints import groups_of
 from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.errors import InputError, printable
@@ -299,7 +298,11 @@ def over_covariate(
     check_alike(frictions, names)
     if values is None:
         values = [_mean(fit, name, covariate) for fit, name in zip(fits, names, strict=True)]
-    x = _checked(values, len(fits), covariate)
+    x = np.array(values, dtype=float)
+    if x.shape != (len(fits),) or not np.isfinite(x).all():
+        raise InputError(f"over_covariate: give one finite number for each of {len(fits)} models")
+    if np.ptp(x) == 0:
+        raise InputError(f"over_covariate: {covariate} is {x[0]:g} for all models: record others")
     value_of, lines, units, left_out = dict(zip(names, x.tolist(), strict=True)), {}, {}, []
     for key, rows in estimates(frictions, names).items():
         usable = [(value_of[row.model], row.estimate) for row in rows if not row.reason]
@@ -328,16 +331,6 @@ def _mean_calibration(frictions: Sequence[Friction]) -> Calibration | None:
     stacked: dict[str, Any] = vars(stack_calibrations(calibrations))
     means: dict[str, Any] = {k: v if v is None else v.mean(axis=0) for k, v in stacked.items()}
     return Calibration(**means)
-
-
-def _checked(values: Sequence[float], count: int, covariate: str) -> Array:
-    """The covariate of each model."""
-    x = np.array(values, dtype=float)
-    if x.shape != (count,) or not np.isfinite(x).all():
-        raise InputError(f"over_covariate: give one finite number for each of {count} models")
-    if np.ptp(x) == 0:
-        raise InputError(f"over_covariate: {covariate} is {x[0]:g} for all models: record others")
-    return x
 
 
 def _mean(model: Any, name: str, covariate: str) -> float:

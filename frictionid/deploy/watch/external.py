@@ -18,7 +18,7 @@ from frictionid.data.calibration import calibrated_plant, with_calibrated_servo
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.readers.dataset import within
-from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, holds
 from frictionid.errors import InputError
 from frictionid.evaluation.predicted_motion import check_joints
@@ -169,10 +169,11 @@ def interval_torques(torque: Signal, time: Array) -> Array:
     return value[:-1] if holds(torque) else (value[:-1] + value[1:]) / 2
 
 
-def observed(momentum_observer: MomentumObserver, recording: Recording) -> Iterator[Observed]:
-    """What the observer says of a recording, some samples at a time."""
+def observed(friction: Friction, dataset: Dataset, run: int, response: float) -> Iterator[Observed]:
+    """What the observer says of one recording, some samples at a time."""
+    momentum_observer = momentum_observer_of(friction, dataset, run, response)
+    recording = with_calibrated_servo(dataset.recordings[run], friction.calibration)
     time, angle = recording.angle.time, np.asarray(recording.angle.value, dtype=float)
-    recording = with_calibrated_servo(recording, momentum_observer.friction.calibration)
     torque = interval_torques(recording.torque, time)
     state = momentum_observer.start(float(time[0]), angle[0], torque[0])
     for a in range(1, len(time), _BLOCK):
@@ -251,9 +252,9 @@ def band_of(quiet: Iterable[tuple[Friction, Dataset]], response: float, rate: fl
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} = {value} must be a positive number")
     runs = [
-        settled(observed(momentum_observer_of(friction, dataset, r, response), x))
+        settled(observed(friction, dataset, r, response))
         for friction, dataset in quiet
-        for r, x in enumerate(dataset.recordings)
+        for r in range(len(dataset.recordings))
     ]
     edges = [_edges(run.time, response) for run in runs]
     if sum(map(len, edges)) < _FEWEST:
@@ -360,10 +361,11 @@ def external_torque(
     else:
         raise InputError("external torque: name recordings without contact: quiet = a data set")
     band = band_of(without, response, rate)
-    rows = [
-        _judged(momentum_observer_of(friction, dataset, r, response), x, band)
-        for r, x in enumerate(dataset.recordings)
-    ]
+    rows = []
+    for r in range(len(dataset.recordings)):
+        parts = observed(friction, dataset, r, response)
+        blocks = ((said.time, *with_band(said, band)) for said in parts)
+        rows.append(map(np.concatenate, zip(*blocks, strict=True)))
     time, torque, bands = zip(*rows, strict=True)
     return ExternalTorque(dataset.mechanism.joints, band, dataset.names, time, torque, bands)
 
@@ -373,14 +375,3 @@ def with_band(said: Observed, band: Band) -> tuple[Array, Array]:
     valid = np.where(said.settled, 1.0, np.nan)[:, None]
     size = deviation(said, band.noise, band.shake)
     return valid * said.torque, valid * band.factor * size
-
-
-def _judged(
-    momentum_observer: MomentumObserver, recording: Recording, band: Band
-) -> tuple[Array, Array, Array]:
-    """Time (K,), torque and band (K, n) of a recording, from its second sample on."""
-    blocks = [
-        (said.time, *with_band(said, band)) for said in observed(momentum_observer, recording)
-    ]
-    time, torque, bands = map(np.concatenate, zip(*blocks, strict=True))
-    return time, torque, bands
