@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures import planted_faults as pool
 from fixtures import tiny_pendulums as tiny
 from fixtures.changed_data import changed
+from fixtures.driven_pendulum import simulated
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
@@ -33,7 +33,7 @@ from frictionid.report.diagnostics import as_json, write_pictures
 from frictionid.simulate import Camera, Drive, Multisine, Rig, Run, Steps, simulate
 
 TRUE = {"coulomb_1": 0.25, "viscous_1": 0.02}
-LIGHT = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
+LENGTH = 0.4
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +49,7 @@ def swings():
         )
         for i in range(40)
     ]
-    return simulate(
-        Rig("swings", LIGHT, plain_friction(0.25, 0.02), Camera(361), tuple(runs), substeps=6)
-    )
+    return simulated(0.25, 0.02, Camera(361), runs, length=LENGTH, substeps=6)
 
 
 def drawn(dataset, rng, count=5, noise=1e-3):
@@ -96,10 +94,9 @@ def test_least_squares_return_the_truth_within_their_errors(swings):
 
 def test_reversals_in_a_sharp_motion_count_and_keep_the_truth(swings):
     """500 Hz and 1e-5 rad of noise: windows with reversals count; 60 Hz and 1 mrad: they do not."""
-    curve = plain_friction(0.25, 0.02)
-    runs = tuple(Run(f"{i}", (1.0,), (), (Multisine(1.2, (0.5, 0.9, 1.4 + i)),)) for i in range(3))
-    camera = Camera(2001, 500.0, 1e-5)
-    fine = simulate(Rig("fine", LIGHT, curve, camera, runs, drive=Drive(500.0), substeps=1))
+    runs = (Run(f"{i}", (1.0,), (), (Multisine(1.2, (0.5, 0.9, 1.4 + i)),)) for i in range(3))
+    camera, drive = Camera(2001, 500.0, 1e-5), Drive(500.0)
+    fine = simulated(0.25, 0.02, camera, runs, length=LENGTH, substeps=1, drive=drive)
     plant = plant_of(fine)
     motions = motions_of(fine.recordings)
     rows = adapted(unit_balances(plant.mechanism, motions), motions)
@@ -120,7 +117,7 @@ def test_the_interval_of_the_delay_holds_the_delay(swings):
     held, widths = [], []
     for _ in range(30):
         true = float(rng.uniform(0.0, 0.03))
-        dataset = pool.changed(drawn(swings, rng), "torque", lambda u: u, -true)
+        dataset = changed(drawn(swings, rng), "torque", lambda u: u, -true)
         plant = plant_of(dataset)
         rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
         low, high = delay_of(rows, logged(dataset), plant.p).interval
@@ -131,10 +128,9 @@ def test_the_interval_of_the_delay_holds_the_delay(swings):
 
 
 def test_without_torque_only_ratios_are_estimated_and_one_value_is_kept():
-    curve = plain_friction(0.05, 0.01)
     runs = (Run("a", (1.8,)), Run("b", (-1.2,)), Run("c", (2.2,)))
-    rig = Rig("decay", LIGHT, curve, Camera(361, 60.0, 2e-4), runs, substeps=4)
-    estimate, _, _, plant = estimated(simulate(rig))
+    decays = simulated(0.05, 0.01, Camera(361, 60.0, 2e-4), runs, length=LENGTH)
+    estimate, _, _, plant = estimated(decays)
     kept = [name for name in plant.mechanism.base_names if np.isinf(estimate.at(name)[1])]
     assert len(kept) == 1
     i = plant.mechanism.base_names.index(kept[0])
@@ -173,11 +169,10 @@ def test_facts_count_what_was_planted():
 
 def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
     noisy = drawn(swings, np.random.default_rng(9), count=1)
-    frozen = pool.changed(noisy, "torque", lambda u: np.full_like(u, 0.4))
+    frozen = changed(noisy, "torque", lambda u: np.full_like(u, 0.4))
     assert "frozen_torque" in kinds(check(frozen))
     runs = (Run("a", (1.5,), (), (Steps(0.4, 60.0),)), Run("b", (-1.8,), (), (Steps(0.4, 60.0),)))
-    curve = plain_friction(0.05, 0.02)
-    held = simulate(Rig("held", LIGHT, curve, Camera(361, 60.0, 1e-3), runs, substeps=6))
+    held = simulated(0.05, 0.02, Camera(361, 60.0, 1e-3), runs, length=LENGTH, substeps=6)
     assert "frozen_torque" not in kinds(check(held))
 
 
@@ -262,7 +257,7 @@ def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
 
 def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
     acrobot = load_dataset(DATA / "acrobot_mass")
-    wrong = pool.changed(acrobot, "torque", lambda u: u + np.array([0.2, 0.0]))
+    wrong = changed(acrobot, "torque", lambda u: u + np.array([0.2, 0.0]))
     finding = kinds(check(wrong))["torque_without_motor"]
     assert finding.text.startswith("torque 1 is up to 0.2 N m")
     assert finding.level == "unusable"

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.changed_data import changed
+from fixtures.changed_data import changed, each
+from fixtures.driven_pendulum import simulated
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 from fixtures.true_curves import plain_friction
@@ -24,15 +25,16 @@ PENDULUM = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 0.3}}
 
 
 def _timed(dataset: Dataset, factor: float) -> Dataset:
-    """The data set with the numbers of its times multiplied."""
+    """Some recordings with the numbers of their times multiplied."""
 
-    def timed(signal: Signal) -> Signal:
-        return signal._replace(time=factor * signal.time)
+    def timed(r: Recording) -> Recording:
+        return Recording(r.name, *(x._replace(time=factor * x.time) for x in (r.angle, r.torque)))
 
-    recordings = (
-        Recording(r.name, timed(r.angle), timed(r.torque)) for r in dataset.recordings[::5]
-    )
-    return replace(dataset, recordings=tuple(recordings))
+    return each(_fifth(dataset), timed)
+
+
+def _fifth(dataset: Dataset) -> Dataset:
+    return replace(dataset, recordings=dataset.recordings[::5])
 
 
 @pytest.fixture(scope="module")
@@ -82,13 +84,11 @@ def test_all_signals_are_on_the_corrected_clock():
 
 def _with_second(dataset: Dataset, angle: float, torque: list[float]) -> Dataset:
     """Some recordings, angles and torques of the second one times factors."""
-    first, r, *others = dataset.recordings[::5]
-    changed = replace(
-        r,
-        angle=r.angle._replace(value=angle * r.angle.value),
-        torque=r.torque._replace(value=torque * r.torque.value),
-    )
-    return replace(dataset, recordings=(first, changed, *others))
+    every = _fifth(dataset)
+    other = changed(every, "angle", lambda q: angle * q)
+    other = changed(other, "torque", lambda u: torque * u).recordings[1]
+    first, _, *others = every.recordings
+    return replace(every, recordings=(first, other, *others))
 
 
 def _of_recordings(verdict) -> list[str]:
@@ -99,8 +99,7 @@ def _of_recordings(verdict) -> list[str]:
     ("factor", "kind"), [(1e3, "mN m"), (100.0, "N cm"), (0.01, "not N cm"), (1e-3, "not mN m")]
 )
 def test_torques_in_another_unit_are_told(acrobot, factor, kind):
-    some = replace(acrobot, recordings=acrobot.recordings[::5])
-    verdict = check(changed(some, "torque", lambda u: factor * u))
+    verdict = check(changed(_fifth(acrobot), "torque", lambda u: factor * u))
     assert verdict.level == "unusable"
     assert verdict.findings[0].kind == kind
     assert f"{max(factor, 1 / factor):g} times too" in verdict.findings[0].text
@@ -111,9 +110,8 @@ def test_torques_in_another_unit_are_told(acrobot, factor, kind):
 @pytest.fixture(scope="module")
 def pendulum() -> Dataset:
     torque = (Multisine(1.2, (0.4, 0.9, 1.6)),)
-    runs = tuple(Run(f"{k}", (0.3 * k,), torques=torque) for k in range(3))
-    machine, friction = {"kind": "pendulum", "parameters": {}}, plain_friction(0.1, 0.02)
-    return simulate(Rig("p", machine, friction, Camera(900, 60.0, 1e-3), runs, substeps=4))
+    runs = (Run(f"{k}", (0.3 * k,), torques=torque) for k in range(3))
+    return simulated(0.1, 0.02, Camera(900, 60.0, 1e-3), runs, 1.0, 1.0)
 
 
 @pytest.mark.parametrize("turns", [-50.0, 57.0], ids=str)
@@ -168,11 +166,9 @@ def test_angles_from_upright_and_against_the_vertical_are_named_with_what_mends_
 
 @pytest.mark.parametrize("factor", [1.0, np.degrees(1.0)], ids=["rad", "deg"])
 def test_columns_of_angle_and_torque_that_are_exchanged_are_named(pendulum, factor):
-    exchanged = tuple(
-        Recording(r.name, r.torque, r.angle._replace(value=factor * r.angle.value))
-        for r in pendulum.recordings
-    )
-    named = [f.kind for f in check(replace(pendulum, recordings=exchanged, truth=None)).findings]
+    turned = replace(changed(pendulum, "angle", lambda q: factor * q), truth=None)
+    exchanged = each(turned, lambda r: Recording(r.name, r.torque, r.angle))
+    named = [f.kind for f in check(exchanged).findings]
     assert named[0] == "exchanged_columns" and "unknown_cause" not in named
     assert "exchanged_columns" not in kinds(check(pendulum))
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import planted_faults as pool
+from fixtures.changed_data import each
 from numpy.testing import assert_allclose
 
 from frictionid.check import check
@@ -34,13 +35,9 @@ def torque_times(factor):
 
 
 def spoiled(case, fault, odd):
-    return replace(
-        case,
-        recordings=tuple(
-            fault(replace(r, name=f"r{k}")) if k in odd else replace(r, name=f"r{k}")
-            for k, r in enumerate(case.recordings)
-        ),
-    )
+    names = iter(range(len(case.recordings)))
+    named = each(case, lambda r: replace(r, name=f"r{next(names)}"))
+    return each(named, lambda r: fault(r) if int(r.name[1:]) in odd else r)
 
 
 @pytest.mark.parametrize("odd", [{3}, {1, 3}], ids=str)

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.true_curves import plain_friction
+from fixtures.driven_pendulum import simulated
 
 from frictionid.check import check
-from frictionid.simulate import Camera, Multisine, Rig, Run, simulate
+from frictionid.simulate import Camera, Multisine, Run
 
-MACHINE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
 CAMERA = Camera(360, 60.0, 5e-4)
 
 
@@ -18,8 +17,7 @@ def recordings(levels):
     out = []
     for k, level in enumerate(levels):
         runs = (Run(f"r{k}", (0.2 * k,), torques=(Multisine(1.2, (0.4 + 0.05 * k, 0.9, 1.6)),)),)
-        rig = Rig("p", MACHINE, plain_friction(level, 0.001), CAMERA, runs, seed=k, substeps=4)
-        out.append(simulate(rig))
+        out.append(simulated(level, 0.001, CAMERA, runs, length=0.4, seed=k))
     first = out[0]
     return replace(first, recordings=tuple(data.recordings[0] for data in out))
 

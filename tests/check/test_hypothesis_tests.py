@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.changed_data import each
 
 from frictionid.check.hypothesis_tests import sampling_findings
 from frictionid.check.motion import Measured, motions_of
@@ -12,16 +13,15 @@ from frictionid.data.signals import Signal
 
 def thinned(data, every, slower=1.0):
     """One angle out of so many, on clocks that run slower."""
-    recordings = [
-        replace(
+    return each(
+        data,
+        lambda r: replace(
             r,
             angle=Signal(slower * r.angle.time[::every], r.angle.value[::every]),
             torque=r.torque._replace(time=slower * r.torque.time),
             truth=None,
-        )
-        for r in data.recordings
-    ]
-    return replace(data, recordings=tuple(recordings))
+        ),
+    )
 
 
 def found(data):

@@ -1,10 +1,10 @@
 """What `check` says of measured recordings, held against what their authors say of them."""
 
 import json
-from dataclasses import replace
 from functools import cache
 
 import pytest
+from fixtures.changed_data import changed
 from fixtures.dataset_files import shipped_with
 from fixtures.paths import DATA
 from fixtures.verdicts import identifiable, kinds
@@ -79,9 +79,7 @@ def test_least_squares_of_the_carriage_agree_with_the_published_ones(real_data):
 )
 def test_a_carriage_in_the_wrong_unit_is_unusable(real_data, times, words):
     dataset = load_dataset(DATA / "emps", real_data / "emps")
-    (one,) = dataset.recordings
-    wrong = replace(one, angle=one.angle._replace(value=times * one.angle.value))
-    verdict = check(replace(dataset, recordings=(wrong,)))
+    verdict = check(changed(dataset, "angle", lambda q: times * q))
     assert verdict.level == "unusable"
     assert verdict.findings[0].text.startswith(f"positions {words}: corrected")
 
@@ -116,15 +114,18 @@ def test_no_finding_contradicts_the_authors(real_data, name, collection):
         assert bodies.reason == "ratios to gravity only, which no torque shows"
 
 
-def of_the_arm(tmp_path, patterns):
+def of_the_arm(real_data, tmp_path, patterns):
+    """What is said of other recordings of the arm."""
     usual = '["design_C.1/sys_id_20230629/*.csv*"]'
-    return shipped_with(tmp_path, "dfki_c1", (usual, patterns))
+    folder = shipped_with(tmp_path, "dfki_c1", (usual, patterns))
+    return check(load_dataset(folder, real_data / "dfki_double_pendulum"))
 
 
 def test_a_coarse_clock_is_no_early_torque_and_no_frozen_sensor(real_data, tmp_path):
     """Swing-ups at 33 Hz from rest: joints leave it within one sample, torques are held."""
-    folder = of_the_arm(tmp_path, '["design_C.1/leaderboard_pendubot_v2_mcpilco/*.csv*"]')
-    verdict = check(load_dataset(folder, real_data / "dfki_double_pendulum"))
+    verdict = of_the_arm(
+        real_data, tmp_path, '["design_C.1/leaderboard_pendubot_v2_mcpilco/*.csv*"]'
+    )
     findings = kinds(verdict)
     assert not findings.keys() & {"delay", "frozen_sensor", "frozen_torque"}
     hold = findings["hold"]
@@ -133,8 +134,9 @@ def test_a_coarse_clock_is_no_early_torque_and_no_frozen_sensor(real_data, tmp_p
 
 def test_estimates_of_runs_that_end_in_balancing_hold_their_bias(real_data, tmp_path):
     """Pendubot runs: gravity of joint 1 comes out at 1.6 with the balancing, 1.9 without."""
-    folder = of_the_arm(tmp_path, '["design_C.1/leaderboard_pendubot_v2_ilqr_tvlqr_lqr/*.csv*"]')
-    verdict = check(load_dataset(folder, real_data / "dfki_double_pendulum"))
+    verdict = of_the_arm(
+        real_data, tmp_path, '["design_C.1/leaderboard_pendubot_v2_ilqr_tvlqr_lqr/*.csv*"]'
+    )
     gravity, error = verdict.estimate.at("gravity_1")
     assert abs(gravity - 1.9) < 2 * error
     low, high = verdict.delay.interval
@@ -144,8 +146,7 @@ def test_estimates_of_runs_that_end_in_balancing_hold_their_bias(real_data, tmp_
 
 def test_one_recording_of_a_sine_is_not_called_late_by_half_a_second(real_data, tmp_path):
     """Any misfit of a nearly periodic torque is smaller at some far delay."""
-    folder = of_the_arm(tmp_path, '["design_C.1/sys_id_20230629/20230629-143339.csv*"]')
-    verdict = check(load_dataset(folder, real_data / "dfki_double_pendulum"))
+    verdict = of_the_arm(real_data, tmp_path, '["design_C.1/sys_id_20230629/20230629-143339.csv*"]')
     assert "delay" not in kinds(verdict)
     delay = identifiable(verdict, "torque delay")
     assert not delay.possible and delay.reason == "no delay explains the motion clearly"

@@ -40,7 +40,7 @@ def test_an_arm_without_traps_is_good_and_friction_of_its_coupled_motor_is_found
 
 def test_joints_that_move_in_turn_and_rest_most_of_the_time(tmp_path):
     """Each moves for 5 s of 195."""
-    single = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])
+    single = wrist.uncoupled(tmp_path)
     verdict = check(wrist.dataset(single, wrist.frames_joint_by_joint(single)))
     assert verdict.level == "good"
     assert all(0.95 < fact.at_rest < 0.99 for fact in verdict.joints)
@@ -55,14 +55,14 @@ def test_joints_that_move_in_turn_and_rest_most_of_the_time(tmp_path):
 
 def test_friction_of_a_coupled_motor_that_is_not_declared_stays_unexplained(arm, table, tmp_path):
     """The balances of the joints that it turns show it."""
-    without = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])
+    without = wrist.uncoupled(tmp_path)
     own, usual = (check(wrist.dataset(a, table)).estimate.spread for a in (without, arm))
     assert own[0] < 1.5 * usual[0]
     assert (own[1:] > 3.0 * usual[1:]).all()
 
 
 def test_torques_of_the_load_in_place_of_the_motors(tmp_path):
-    single = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])
+    single = wrist.uncoupled(tmp_path)
     table = wrist.frame(single)
     table[wrist.COLUMNS[1]] *= -1.0
     first = check(wrist.dataset(single, table)).findings[0]
@@ -106,16 +106,10 @@ def test_the_sign_of_a_gear(arm, table, motor):
 @pytest.mark.parametrize("motor", [0, 1])
 def test_the_ratio_of_a_gear(arm, table, motor):
     """Of torques alone; it changes the angles of none."""
-    gears = np.diag(wrist.GEARS) * np.where(np.arange(3) == motor, 1.6, 1.0)
-    straight = table.copy()
-    joints = (table[wrist.COLUMNS[0]] @ np.linalg.inv(wrist.GEARS).T) + wrist.ZERO
-    straight[wrist.COLUMNS[0]] = joints.to_numpy()
-    torque = table[wrist.COLUMNS[1]].to_numpy() @ wrist.GEARS
-    straight[wrist.COLUMNS[1]] = torque * gears / np.diag(wrist.GEARS)
-    angle, columns = wrist.COLUMNS
-    data = type(wrist.dataset(arm, table)).from_frames(
-        {"a": straight}, arm, time="t", angle=angle, torque=columns, hold="linear"
-    )
+    wrong = np.where(np.arange(3) == motor, 1.6, 1.0)
+    straight, (angle, torque) = table.copy(), wrist.of_joints(table)
+    straight[wrist.COLUMNS[0]], straight[wrist.COLUMNS[1]] = angle, torque * wrong
+    data = wrist.dataset(arm, straight, np.eye(3), np.zeros(3))
     finding = kinds(check(data))["gain"]
     assert finding.text.startswith(f"gain of torque {motor + 1} is 0.6")
 
@@ -238,16 +232,9 @@ def answers(verdict, about):
 
 def test_zeros_that_are_off_by_quarter_turns_are_no_wrong_gears(arm, table):
     """As given by motors whose zeros are not those of the file: all rivals are tested together."""
-    motor = {"coupling": wrist.GEARS, "angle": "motor", "torque": "motor"}
-    angle, torque = wrist.COLUMNS
     for j, turn in ((0, -np.pi / 2), (1, np.pi)):
         zero = wrist.ZERO * (j > 0) - turn * (np.arange(3) == j) * (j > 0)
-        data = wrist.dataset(arm, table).from_frames(
-            *({"a": table}, arm),
-            **{"time": "t", "angle": angle, "torque": torque, "hold": "linear"},
-            motor={**motor, "offset": zero},
-        )
-        first = check(data).findings[0]
+        first = check(wrist.dataset(arm, table, offset=zero)).findings[0]
         assert first.kind == "shifted_angle"
         assert f"add {round(np.degrees(turn)):+d} degrees to angle {j + 1}" in first.text
         assert "equivalently" not in first.text

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from drive_logs import ServoPendulum
+from fixtures.changed_data import changed, each, some
 from fixtures.servo_logs import by_controller
 from numpy.testing import assert_allclose
 
@@ -45,19 +46,19 @@ def test_predictions_of_the_true_model_stay_at_the_noise_level_for_seconds(state
     error = rollouts(data, TRUTH, 3.0, states)
     assert np.median(error) < 0.75 * NOISE  # 0.67 of a normal distribution's
     assert np.quantile(error[-50:], 0.99) < 3.5 * NOISE
-    logged = replace(data, recordings=tuple(replace(r, servo=None) for r in data.recordings))
+    logged = each(data, lambda r: replace(r, servo=None))
     drifting = rollouts(logged, TRUTH, 3.0, states)
     assert np.median(drifting[-50:]) > 5 * np.median(error[-50:])
 
 
 def test_the_truth_is_found_where_noise_of_recorded_angles_would_pass_for_torque():
     """By recorded angles: viscous friction 0.58, inertia 0.024, 3.6 ms; their intervals miss."""
-    data = logs(replace(RIG, delay=0.010))
-    late = tuple(replace(r, servo=replace(r.servo, target_delay=0.0)) for r in data.recordings)
+    late = logs(replace(RIG, delay=0.010))
+    data = each(late, lambda r: replace(r, servo=replace(r.servo, target_delay=0.0)))
     blocks = (FrictionBlock(), InertiaBlock(), BiasBlock(), TargetDelayBlock())
     settings = Settings(windows=(0.1, 0.2, 0.5), significance=1.0)
     start = Friction(CoulombViscous(), np.array([[0.1, 0.1]]))
-    fit = refine(start, replace(data, recordings=late), blocks, settings)
+    fit = refine(start, data, blocks, settings)
     true = np.array([0.2, 0.2, INERTIA, 9.81 * RIG.mass * RIG.length, 0.0, 0.010])
     low, high = fit.covariance.interval(0.99).T
     assert ((low <= true) & (true <= high)).all()
@@ -80,9 +81,10 @@ def test_recordings_with_a_torque_log_beside_servos_keep_it():
     u = RIG.log(P, D, seed=1, seconds=6.0)["u"][:, None]
     logged = replace(second, servo=None, torque=Signal(second.torque.time[:1], u[:1]))
     logged = replace(logged, torque=Signal(second.angle.time, u, "previous"))
-    mixed = rollouts(replace(data, recordings=(first, logged)), TRUTH, 0.1)
-    alone = rollouts(replace(data, recordings=(logged,)), TRUTH, 0.1)
-    closed = rollouts(replace(data, recordings=(first,)), TRUTH, 0.1)
+    both = replace(data, recordings=(first, logged))
+    mixed, closed, alone = (
+        rollouts(some(both, *rows), TRUTH, 0.1) for rows in ((0, 2), (0, 1), (1, 2))
+    )
     half = closed.shape[1]
     assert_allclose(mixed[:, :half], closed, atol=1e-6)
     assert_allclose(mixed[:, half:], alone, atol=1e-6)
@@ -98,19 +100,14 @@ def test_gain_bias_and_offset_of_a_calibration_are_those_of_the_loop():
     """The same motion, in other units: nothing changes but the angles' frame."""
     data, (gain, bias, offset) = logs(runs=1), np.array([[2.0], [-0.1], [0.05]])
     calibration = replace(Calibration.ideal(1), gain=gain, bias=bias, offset=offset)
-    shifted_records = tuple(
-        replace(
-            r,
-            angle=r.angle._replace(value=r.angle.value + 0.05),
-            servo=replace(
-                r.servo,
-                goal=r.servo.goal._replace(value=r.servo.goal.value + 0.05),
-                feedforward=r.servo.goal._replace(value=0.0 * r.servo.goal.value + 0.05),
-                gain=P / 2,
-                damping=D / 2,
-            ),
-        )
-        for r in data.recordings
-    )
-    same = calibrated_dataset(replace(data, recordings=shifted_records), calibration)
+
+    def shifted(r):
+        goal = r.servo.goal
+        forward = goal._replace(value=0.0 * goal.value + 0.05)
+        goal = goal._replace(value=goal.value + 0.05)
+        servo = replace(r.servo, goal=goal, feedforward=forward, gain=P / 2, damping=D / 2)
+        return replace(r, servo=servo)
+
+    moved = changed(each(data, shifted), "angle", lambda q: q + 0.05)
+    same = calibrated_dataset(moved, calibration)
     assert_allclose(rollouts(same, TRUTH, 1.0), rollouts(data, TRUTH, 1.0), atol=1e-9)

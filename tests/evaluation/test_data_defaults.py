@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from fixtures import driven_wrist as wrist
+from fixtures.changed_data import each
 from fixtures.result_folders import leave_blank
 from fixtures.tiny_pendulums import dataset
 
@@ -28,10 +29,8 @@ def faster(data, factor):
     def sped(signal):
         return signal._replace(time=signal.time / factor)
 
-    recordings = [
-        replace(r, angle=sped(r.angle), torque=sped(r.torque), truth=None) for r in data.recordings
-    ]
-    return replace(data, recordings=tuple(recordings), truth=None)
+    fast = each(data, lambda r: replace(r, angle=sped(r.angle), torque=sped(r.torque), truth=None))
+    return replace(fast, truth=None)
 
 
 def test_every_horizon_that_is_kept_can_be_predicted_and_no_other_is_left():
@@ -65,7 +64,7 @@ def test_fast_logs_of_arms_are_thinned_and_predicted_briefly(tmp_path):
 def test_a_suite_of_an_arm_that_says_nothing_else_runs(tmp_path, monkeypatch):
     """One recording of few seconds: folds, horizons and windows are those that it holds."""
     leave_blank(monkeypatch)
-    arm = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])
+    arm = wrist.uncoupled(tmp_path)
     wrist.frame(arm, seconds=6.0, rate=100.0).to_csv(tmp_path / "run.csv", index=False)
     angle, torque = (str(names).replace("'", '"') for names in wrist.COLUMNS)
     (tmp_path / "dataset.toml").write_text(

@@ -105,17 +105,12 @@ def test_the_hash_changes_with_any_change_and_with_nothing_else():
     split = Split(count=4, kind="blocks", gap=0.1)
     base = make_folds(parts, split)
     late = replace(parts[3], angle=parts[3].angle._replace(time=parts[3].angle.time + 1e-9))
+    settings = [{"count": 5}, {"gap": 0.2}]
+    settings += [{"kind": k, "seed": s} for k in ("recordings", "shuffled") for s in (0, 1)]
+    changed = [[*parts[:3], other, *parts[4:]] for other in (late, shortened(parts[3], 1.0))]
     others = [
-        make_folds(parts, replace(split, count=5)),
-        make_folds(parts, replace(split, gap=0.2)),
-        make_folds(parts, replace(split, kind="recordings")),
-        make_folds(parts, replace(split, kind="recordings", seed=1)),
-        make_folds(parts, replace(split, kind="shuffled")),
-        make_folds(parts, replace(split, kind="shuffled", seed=1)),
-        make_folds(parts[:-1], split),
-        make_folds(parts[::-1], split),
-        make_folds((*parts[:3], late, *parts[4:]), split),
-        make_folds((*parts[:3], shortened(parts[3], 1.0), *parts[4:]), split),
+        *(make_folds(parts, replace(split, **each)) for each in settings),
+        *(make_folds(each, split) for each in (parts[:-1], parts[::-1], *changed)),
         replace(base, contiguous=False),
         replace(base, labels=(1 - base.labels[0], *base.labels[1:])),
     ]

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.changed_data import changed, each, some
 from fixtures.memory_laws import Sampled, SampledFollower
 from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines
 from fixtures.tiny_pendulums import dataset as torque_driven
 from fixtures.tiny_pendulums import recordings as torque_driven_recordings
+from fixtures.true_curves import true_states
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
@@ -86,10 +88,6 @@ def logs():
     return Dataset("logs", TABLE, recordings), states
 
 
-def subset(data, *index):
-    return replace(data, recordings=tuple(data.recordings[i] for i in index))
-
-
 def run_of(data, states, friction=TRUTH, begin=0.0):
     trajectory = make_trajectory(data, states, begin)
     return free_run(plant_of(data), friction, trajectory), trajectory
@@ -124,12 +122,11 @@ def test_another_friction_or_another_motor_does_not(logs, usual):
 
 
 def servoed(data, change):
-    changed = (replace(r, servo=change(r.servo)) for r in data.recordings)
-    return replace(data, recordings=tuple(changed))
+    return each(data, lambda r: replace(r, servo=change(r.servo)))
 
 
 def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
-    data, states, d = subset(logs[0], 0), logs[1][:1], 0.004
+    data, states, d = some(logs[0], 0, 1), logs[1][:1], 0.004
     servo = data.recordings[0].servo
     free = servoed(data, lambda servo: replace(servo, limit=1e9))
     calibration = replace(Calibration.ideal(1), delay=np.array(d))
@@ -148,19 +145,8 @@ def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
 
 def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs, usual):
     data, states = logs
-    spoilt = replace(
-        data,
-        recordings=tuple(
-            replace(
-                r,
-                angle=r.angle._replace(
-                    value=np.where(np.arange(len(r.angle.time)) > 0, 9.0, r.angle.value.T).T
-                ),
-                torque=r.torque._replace(value=r.torque.value + 1.0),
-            )
-            for r in data.recordings
-        ),
-    )
+    spoilt = changed(data, "angle", lambda q: np.where(np.arange(len(q))[:, None] > 0, 9.0, q))
+    spoilt = changed(spoilt, "torque", lambda u: u + 1.0)
     q = free_run(plant_of(data), TRUTH, make_trajectory(spoilt, states))
     assert_array_equal(q, usual[0])
 
@@ -171,7 +157,7 @@ def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs, usual):
 def test_together_is_as_alone(logs, usual):
     (data, states), (q, trajectory) = logs, usual
     for i in range(len(states)):
-        alone, _ = run_of(subset(data, i), states[i : i + 1])
+        alone, _ = run_of(some(data, i, i + 1), states[i : i + 1])
         known = np.isfinite(trajectory.measured[:, i, 0])
         # pieces of an interval may differ where another recording has a longer one
         assert_allclose(q[known, i], alone[:, 0], atol=2e-4)
@@ -189,9 +175,11 @@ def test_together_is_as_alone(logs, usual):
 def test_without_a_connected_motor_it_is_a_rollout_without_torque(logs, friction):
     """Also for a law that remembers samples: its memory advances once a sample."""
     data, states = logs
-    r = data.recordings[0]
-    off = replace(r.servo, enabled=r.servo.enabled._replace(value=0 * r.angle.value))
-    q, trajectory = run_of(replace(data, recordings=(replace(r, servo=off),)), states[:1], friction)
+
+    def off(servo):
+        return replace(servo, enabled=servo.enabled._replace(value=0 * servo.goal.value))
+
+    q, trajectory = run_of(servoed(some(data, 0, 1), off), states[:1], friction)
     start = State(trajectory.q, trajectory.w)
     free = rollout(plant_of(data)[:1], friction, start, 0 * trajectory.u, trajectory.dt)
     assert_allclose(q, free.q, atol=1e-5)
@@ -200,10 +188,7 @@ def test_without_a_connected_motor_it_is_a_rollout_without_torque(logs, friction
 
 def test_without_servos_the_recorded_torque_drives():
     data = torque_driven()
-    states = [
-        States(r.angle.time, r.truth.angle.value, r.truth.velocity.value) for r in data.recordings
-    ]
-    trajectory = make_trajectory(data, states, 0.15)
+    trajectory = make_trajectory(data, true_states(data), 0.15)
     friction, plant = true_friction(data.truth), plant_of(data)
     q = free_run(plant, friction, trajectory)
     own = rollout(plant, friction, State(trajectory.q, trajectory.w), trajectory.u, trajectory.dt)
@@ -235,15 +220,12 @@ def test_without_motor_constants_torques_stay_as_they_are(logs):
 
 def test_scores_of_a_model_are_those_under_its_own_motor(logs):
     """A data set that tells a wrong motor, and a model that brings the right one."""
-    data, _ = logs
-    wrong = replace(
-        data,
-        recordings=tuple(
-            replace(r, servo=s, torque=servo_torque(s, r.angle))
-            for r in data.recordings
-            for s in [r.servo.with_motor(KT, 1.5 * R)]
-        ),
-    )
+
+    def weaker(r):
+        servo = r.servo.with_motor(KT, 1.5 * R)
+        return replace(r, servo=servo, torque=servo_torque(servo, r.angle))
+
+    wrong = each(logs[0], weaker)
     protocol = Protocol((0.3,), history=0.0, whole=True)
     prepared = prepare(wrong, protocol)
 
@@ -267,9 +249,8 @@ def rows_of(error, trajectory, fold):
     return {(r.fold, r.statistic, r.joint): r.value for r in rows}
 
 
-def test_each_recording_counts_alike_whatever_its_length(logs):
-    data, states = logs
-    trajectory = make_trajectory(data, states)
+def test_each_recording_counts_alike_whatever_its_length(usual):
+    _, trajectory = usual
     rows = rows_of(np.array([0.1, 0.2, 0.3, 0.4])[:, None], trajectory, [0, 1, 0, -1])
     assert rows["all", "mean", "all"] == pytest.approx(0.2)
     assert rows["0", "mean", "all"] == pytest.approx(0.2)
@@ -280,9 +261,8 @@ def test_each_recording_counts_alike_whatever_its_length(logs):
     assert ("all", "mean d", "all") not in rows  # nobody holds it out
 
 
-def test_a_motion_that_diverged_is_infinitely_wrong(logs):
-    data, states = logs
-    trajectory = make_trajectory(data, states)
+def test_a_motion_that_diverged_is_infinitely_wrong(usual):
+    _, trajectory = usual
     error = np.zeros_like(trajectory.measured)
     error[50, 0] = np.nan
     rows = rows_of(error, trajectory, [0, 1, 2, 3])

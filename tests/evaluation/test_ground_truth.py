@@ -6,11 +6,11 @@ from fixtures.mistakes import mistakes
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed
+from fixtures.true_curves import true_states
 from numpy.testing import assert_allclose
 
 from frictionid import load_dataset
 from frictionid.data.plants import plant_of
-from frictionid.data.state_estimators import States
 from frictionid.evaluation import make_initial_states, steady_state, true_friction
 from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction, at_rest
@@ -80,8 +80,7 @@ def test_tables_that_tell_too_little_are_refused(wrong, words):
 
 def errors(dataset, friction):
     """Angle errors [rad] half a second after true starts with the memory of the motion before."""
-    states = [States(*r.truth.angle[:2], r.truth.velocity.value) for r in dataset.recordings]
-    plant = plant_of(dataset)
+    plant, states = plant_of(dataset), true_states(dataset)
     starts = make_initial_states(dataset, states, plant, (0.5,), every=1.5, begin=0.5)
     S = len(starts.recording)
     theta = np.broadcast_to(friction.theta, (S, *friction.theta.shape))

@@ -17,12 +17,13 @@ from fixtures.tiny_pendulums import (
     recordings,
     shortened,
 )
+from fixtures.true_curves import true_states
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
-from frictionid.data.state_estimators import KalmanFilter, States
+from frictionid.data.state_estimators import KalmanFilter
 from frictionid.evaluation import (
     Protocol,
     Split,
@@ -78,9 +79,7 @@ def times_of(starts, data):
 
 def test_the_truth_from_true_states_predicts_the_true_motion():
     data = dataset()
-    true = [
-        States(r.angle.time, r.truth.angle.value, r.truth.velocity.value) for r in data.recordings
-    ]
+    true = true_states(data)
     starts = starts_of(data, true, horizons=(0.1, 0.5, 1.0))
     everyone = np.zeros(len(starts.recording), dtype=int)
     motion = predict(plant_of(data)[starts.recording], true_friction(TRUTH)[None][everyone], starts)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.changed_data import each
 from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines, select
 from fixtures.tiny_pendulums import GRAVITY, INERTIA, TRUTH, dataset, true_torque
@@ -52,6 +53,16 @@ def viscous(*coefficients):
     return Friction(CoulombViscous(), theta)
 
 
+def scored(friction, data, folds):
+    """Scores of the frictions of folds, the first of which is that of all data."""
+    return score_folds(friction, friction[0], data, folds).scores
+
+
+def bare(*recordings):
+    """A data set of which no truth is known."""
+    return each(dataset(recordings=recordings, truth=None), lambda r: replace(r, truth=None))
+
+
 def by_hand(recording, torque):
     """Study's residual of one recording: backward differences, explicit Euler, in plain NumPy."""
     time, q = recording.angle.time, recording.angle.value[:, 0]
@@ -67,7 +78,7 @@ def by_hand(recording, torque):
 
 def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
     coefficients = (0.0, 0.004, 0.03)
-    rows, *_ = score_folds(viscous(*coefficients), viscous(0.0)[0], prepared, folds)
+    rows = scored(viscous(*coefficients), prepared, folds)
     errors = {fold: [] for fold in range(3)}
     for recording, label in zip(dataset().recordings, folds.labels, strict=True):
         fold = int(label[0])
@@ -84,7 +95,7 @@ def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
 
 def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
     coefficients = (0.0, 0.004, 0.03)
-    rows, *_ = score_folds(viscous(*coefficients), viscous(0.0)[0], prepared, folds)
+    rows = scored(viscous(*coefficients), prepared, folds)
     squares = []
     for recording, label, s in zip(
         dataset().recordings, folds.labels, prepared.smoothed, strict=True
@@ -114,9 +125,8 @@ def test_friction_is_not_judged_by_its_energy_where_some_motion_implies_that_it_
     first, *others = dataset().recordings
     found = []
     for recording in (first, backwards(first)):
-        recordings = tuple(replace(r, truth=None) for r in (recording, *others))
-        mixed = prepare(dataset(recordings=recordings, truth=None), PROTOCOL)
-        rows, *_ = score_folds(viscous(0.004, 0.004, 0.004), viscous(0.004)[0], mixed, folds)
+        mixed = prepare(bare(recording, *others), PROTOCOL)
+        rows = scored(viscous(0.004, 0.004, 0.004), mixed, folds)
         found.append({fold for fold, _ in select(rows, score="dissipated_energy")})
     everything = {"0", "1", "2", "all"}
     assert found == [everything, everything - {"all", folds.labels[0][0].astype(str)}]
@@ -129,7 +139,7 @@ def test_a_data_set_that_only_tests_has_no_folds(prepared, folds):
     friction = viscous(0.004)[0]
     alone, *_ = score_model(friction, prepared)
     assert set(alone.fold) == {"all"}
-    same, *_ = score_folds(friction[None][np.zeros(3, int)], friction, prepared, folds)
+    same = scored(friction[None][np.zeros(3, int)], prepared, folds)
     pooled = {row[1:5]: row.value for row in lines(same) if row.fold == "all"}
     assert {row[1:5]: row.value for row in lines(alone)} == pytest.approx(pooled, rel=1e-12)
 
@@ -141,7 +151,7 @@ def test_models_of_another_machine_are_refused(prepared, theta):
 
 
 def test_every_score_has_all_its_statistics(prepared, folds):
-    rows, *_ = score_folds(viscous(0.0, 0.0, 0.0), viscous(0.0)[0], prepared, folds)
+    rows = scored(viscous(0.0, 0.0, 0.0), prepared, folds)
     found = {(row.score, row.statistic, row.horizon_s) for row in lines(rows)}
     steps = {(f"one_step_{s}", name, None) for s in ("euler", "integral") for name in STATISTICS}
     ahead = {
@@ -164,7 +174,7 @@ def test_every_score_has_all_its_statistics(prepared, folds):
 
 def test_parameters_are_counted_over_the_joints(prepared, folds):
     for friction, count in ((viscous(0.0, 0.0, 0.0), 2.0), (nothing(3), 0.0)):
-        rows, *_ = score_folds(friction, friction[0], prepared, folds)
+        rows = scored(friction, prepared, folds)
         assert select(rows, score="n_parameters") == {("all", "all"): count}
 
 
@@ -206,8 +216,7 @@ def test_errors_of_a_batch_are_those_of_each(prepared):
 def test_the_grid_of_simulated_data_is_that_of_the_true_velocities(prepared):
     w = np.concatenate([r.truth.velocity.value for r in dataset().recordings])
     assert_array_equal(prepared.grid, velocity_grid(w))
-    bare = tuple(replace(r, truth=None) for r in dataset().recordings)
-    measured = prepare(dataset(recordings=bare, truth=None), PROTOCOL)
+    measured = prepare(bare(*dataset().recordings), PROTOCOL)
     assert measured.grid[-1, 0] == pytest.approx(prepared.grid[-1, 0], rel=0.05)
 
 
@@ -234,10 +243,7 @@ def test_a_joint_without_friction_or_motion_has_no_curve_error():
 
 
 def test_measured_data_have_neither_curve_error_nor_truth(folds):
-    bare = tuple(replace(r, truth=None) for r in dataset().recordings)
-    rows, *_ = score_folds(
-        nothing(3), nothing(3)[0], prepare(dataset(recordings=bare, truth=None), PROTOCOL), folds
-    )
+    rows = scored(nothing(3), prepare(bare(*dataset().recordings), PROTOCOL), folds)
     assert set(rows.score) == {
         "dissipated_energy",
         "one_step_euler",

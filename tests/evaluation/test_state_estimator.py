@@ -5,6 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
+from fixtures.changed_data import one_changed
 from fixtures.driven_pendulum import LEVEL, VISCOUS, driven_pendulum
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -62,19 +63,10 @@ def test_without_noise_the_true_model_finds_the_true_state(rate):
 def test_what_comes_later_changes_nothing():
     dataset = data()
     prepared, before = estimated()
-    recording = dataset.recordings[1]
-    at = 90
-    angle = recording.angle.value.copy()
-    angle[at + 1 :] += 0.3
-    torque = recording.torque.value.copy()
-    torque[at + 1 :] = -0.2
-    later = replace(
-        recording,
-        angle=recording.angle._replace(value=angle),
-        torque=recording.torque._replace(value=torque),
-    )
-    others = (dataset.recordings[0], later, dataset.recordings[2])
-    changed = ready(replace(dataset, recordings=others))
+    at, angle = 90, dataset.recordings[1].angle.value[:, 0]
+    rows = slice(at + 1, None)
+    later = one_changed(dataset, "angle", 1, 0, rows, angle[rows] + 0.3)
+    changed = ready(one_changed(later, "torque", 1, 0, rows, -0.2))
     early = (prepared.initial_states.recording == 1) & (prepared.initial_states.index <= at)
     assert early.sum() > 3
     after = states(changed)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.true_curves import plain_friction
+from fixtures.driven_pendulum import simulated
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -16,13 +16,13 @@ from frictionid.evaluation import (
     torque_frame,
     torque_left,
 )
-from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, NoFriction
-from frictionid.simulate import Camera, Drive, Multisine, Rig, Run, simulate
+from frictionid.simulate import Camera, Drive, Multisine, Run
 
 NOISE = 0.01  # of each motor's torque
 TRUTH = np.stack([wrist.COULOMB, wrist.VISCOUS], axis=1)
+MAP = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 1.0]])  # of parts
 
 
 @pytest.fixture(scope="module")
@@ -35,11 +35,20 @@ def data(arm):
     return wrist.dataset(arm, wrist.frame(arm, 8.0, rate=100.0))
 
 
+def ready(data):
+    return Prepared(data, Protocol(), EstimatedStates(data), plant_of(data))
+
+
 def left(data, theta):
     law = CoulombViscous() if len(theta[0]) else NoFriction()
-    prepared = Prepared(data, Protocol(), EstimatedStates(data), plant_of(data))
-    frame = torque_frame(map(tuple, torque_left(Friction(law, theta), prepared)))
+    frame = torque_frame(map(tuple, torque_left(Friction(law, theta), ready(data))))
     return frame.set_index("joint")
+
+
+def of_the_joints(w):
+    """True friction (T, n) on the joints at their velocities."""
+    v = w @ MAP.T
+    return (wrist.COULOMB * np.sign(v) + wrist.VISCOUS * v) @ MAP
 
 
 def test_the_true_friction_leaves_less_than_the_noise(data):
@@ -50,20 +59,16 @@ def test_the_true_friction_leaves_less_than_the_noise(data):
 @pytest.mark.parametrize(("rate", "noise"), [(60.0, 5e-4), (60.0, 1.5e-3), (200.0, 2e-3)])
 def test_what_the_true_friction_leaves_is_at_most_what_noise_of_the_angles_does(rate, noise):
     torque = (Multisine(1.2, (0.7, 1.1, 1.6)),)
-    runs = tuple(Run(f"{i}", (0.2 * i,), torques=torque) for i in range(3))
-    machine = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
+    runs = (Run(f"{i}", (0.2 * i,), torques=torque) for i in range(3))
     camera, drive = Camera(int(12 * rate), rate, noise), Drive(rate=rate)
-    true = plain_friction(0.1, 0.02)
-    rig = Rig("p", machine, true, camera, runs, drive=drive, substeps=4)
-    frame = left(simulate(rig), np.array([[0.1, 0.02]]))
+    data = simulated(0.1, 0.02, camera, runs, drive=drive)
+    frame = left(data, np.array([[0.1, 0.02]]))
     assert 0.02 < frame["left"]["all"] < 1.1 * frame["noise"]["all"] < 1.8 * frame["left"]["all"]
 
 
 def test_without_friction_all_of_it_is_left(data):
-    frame, w = left(data, np.zeros((4, 0))), EstimatedStates(data).by(INTEGRAL.states)[0].w
-    v = w @ data.mechanism.friction_map.T
-    friction = (wrist.COULOMB * np.sign(v) + wrist.VISCOUS * v) @ data.mechanism.friction_map
-    usual = np.sqrt((friction**2).mean(axis=0))
+    frame, w = left(data, np.zeros((4, 0))), ready(data).smoothed[0].w
+    usual = np.sqrt((of_the_joints(w) ** 2).mean(axis=0))
     assert_allclose(frame["left_rms"][:3], usual, rtol=0.1)
     assert_allclose(frame["left"], frame["nominal"], rtol=1e-12)
 
@@ -88,16 +93,14 @@ def test_an_angle_that_jumps_is_no_torque(data, arm):
 
 def test_the_shown_torque_is_measured_and_friction_fills_the_rest(data):
     """With the true friction the model is the measured torque, with that friction in it."""
-    prepared = Prepared(data, Protocol(), EstimatedStates(data), plant_of(data))
-    shown = torque_example(Friction(CoulombViscous(), TRUTH), prepared)
+    shown = torque_example(Friction(CoulombViscous(), TRUTH), ready(data))
     measured, model, rigid = (shown[name] for name in ("measured", "model", "rigid"))
     usual = np.sqrt((measured**2).mean(axis=0))
     assert (np.median(np.abs(measured - model), axis=0) < NOISE * usual).all()
-    w = EstimatedStates(data).by(INTEGRAL.states)[0]
+    w = ready(data).smoothed[0]
     at = np.stack([np.interp(shown["time"], w.time, column) for column in w.w.T], axis=1)
-    v = at @ data.mechanism.friction_map.T
-    friction = (wrist.COULOMB * np.sign(v) + wrist.VISCOUS * v) @ data.mechanism.friction_map
-    assert (np.median(np.abs(model - rigid - friction), axis=0) < 0.05 * usual).all()
+    off = np.abs(model - rigid - of_the_joints(at))
+    assert (np.median(off, axis=0) < 0.05 * usual).all()
 
 
 def test_fit_evaluation_and_comparison_say_the_same(data):

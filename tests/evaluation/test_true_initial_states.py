@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.changed_data import each, some
 from fixtures.paths import DATA
 from fixtures.score_frames import select
 from fixtures.tiny_pendulums import TRUTH, dataset
@@ -70,15 +71,14 @@ def test_every_fold_predicts_what_it_has_not_seen_whatever_its_rig():
 def test_they_are_made_only_where_they_are_wanted_and_the_truth_is_known():
     for data, protocol in (
         (dataset(), replace(PROTOCOL, true_initial_states=False)),
-        (dataset(recordings=tuple(replace(r, truth=None) for r in dataset().recordings)), PROTOCOL),
+        (each(dataset(), lambda r: replace(r, truth=None)), PROTOCOL),
     ):
         rows, *_ = score_model(true_friction(TRUTH), prepare(data, protocol))
         assert not scores(rows)
 
 
 def test_the_truth_has_the_true_inertias_and_torque_clock():
-    data = load_dataset(DATA / "acrobot_sim")
-    data = replace(data, recordings=data.recordings[12:15])
+    data = some(load_dataset(DATA / "acrobot_sim"), 12, 15)
     friction, calibration = true_friction(data.truth), true_calibration(data)
     prepared = prepare(data, replace(PROTOCOL, true_initial_states=False))
     own, told = (

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures.changed_data import changed
 from fixtures.refusals import assert_refused
 from fixtures.true_curves import plain_friction
 
@@ -77,17 +78,11 @@ def test_a_fit_has_the_errors_that_were_expected(design):
     exact, off = simulate(rig), []
     for seed in range(12):
         draw = np.random.default_rng(seed)
-        recordings = []
-        for recording in exact.recordings:
-            # ten samples make a window: their mean has the noise that the design counts on
-            own = np.sqrt(10.0) * noise * draw.normal(size=recording.torque.value.shape)
-            torque = recording.torque._replace(value=recording.torque.value + own)
-            recordings.append(replace(recording, torque=torque))
-        friction = fit_model(
-            replace(exact, recordings=tuple(recordings)),
-            LeastSquares(CoulombViscous()),
-            InverseDynamics(),
+        # ten samples make a window: their mean has the noise that the design counts on
+        data = changed(
+            exact, "torque", lambda u, d=draw: u + np.sqrt(10.0) * noise * d.normal(size=u.shape)
         )
+        friction = fit_model(data, LeastSquares(CoulombViscous()), InverseDynamics())
         off.append(friction.theta / PRIOR.theta - 1.0)
     spread = np.sqrt(np.mean(np.square(off), axis=0))
     ratio = spread / design.error

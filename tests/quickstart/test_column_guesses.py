@@ -3,13 +3,14 @@
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures.driven_pendulum import simulated
 from fixtures.lab_tables import MACHINE, write_lab_tables
 from fixtures.refusals import assert_refused
 
 from frictionid.data.readers.table import Table
 from frictionid.quickstart.column_guesses import guess_columns
 from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
-from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
+from frictionid.simulate import Camera, Drive, Run, Sine
 
 TIME = np.arange(200) / 100.0
 Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)
@@ -164,17 +165,14 @@ def test_runs_are_told_apart(columns, split):
 @pytest.mark.parametrize(("rate", "hold"), [(100.0, "previous"), (1000.0, "linear")])
 def test_noise_and_motion_tell_a_held_torque_from_samples_of_one_that_is_not(rate, hold, tmp_path):
     """Rows are 10 ms apart; the drive changes its torque at this rate."""
-    pendulum = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.2}}
-    friction = Stribeck(Curve((0.03,), (0.03,), (0.01,)))
-    runs = tuple(Run(f"{k}", (0.3 * k,), torques=(Sine(0.5, 0.8 + 0.3 * k),)) for k in range(3))
+    runs = (Run(f"{k}", (0.3 * k,), torques=(Sine(0.5, 0.8 + 0.3 * k),)) for k in range(3))
     camera, drive = Camera(601, 100.0, 2e-4), Drive(rate, torque_noise=0.004)
-    for recording in simulate(
-        Rig("held", pendulum, friction, camera, runs, drive=drive)
-    ).recordings:
+    data = simulated(0.03, 0.01, camera, runs, length=0.2, substeps=32, drive=drive)
+    for recording in data.recordings:
         time, u = recording.angle.time, recording.torque
         at = np.searchsorted(u.time, time + 1e-9) - 1
         columns = {"t": time, "q": recording.angle.value[:, 0], "u [Nm]": u.value[at, 0]}
         pd.DataFrame(columns).to_csv(tmp_path / f"{recording.name}.csv", index=False)
-    described = describe_tables(tables_at([tmp_path]), pendulum, Known())
+    described = describe_tables(tables_at([tmp_path]), data.mechanism.table, Known())
     assert described.draft.guesses.hold == hold
     assert f'torque = "{hold}"' in described.dataset_toml

@@ -18,6 +18,7 @@ from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.quickstart.quick import BY_ANGLES
 
+ARM = f"init arm {INIT} {MOTOR}"
 TIME = np.arange(200) / 100.0
 Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)
 
@@ -72,7 +73,7 @@ def same_motion(folder):
 
 
 def test_milliseconds_degrees_and_amperes_are_recognised(call, tmp_path):
-    code, out, err = call(f"init arm {INIT} {MOTOR}")
+    code, out, err = call(ARM)
     assert (code, err) == (0, "") and out.endswith("next: frictionid quick arm\n")
     document = written(tmp_path / "arm")
     assert document["units"] == {"time": "ms", "angle": "deg", "torque": "A"}
@@ -87,7 +88,7 @@ def test_columns_of_structures_in_mat_files_are_recognised(call, tmp_path):
         table = pd.read_csv(file).drop(columns="state").to_dict("list")
         file.with_suffix(".mat").write_bytes(mat_bytes({"log": table, "gains": [[1.0, 2.0]]}))
         file.unlink()
-    assert call(f"init arm {INIT} {MOTOR}")[0] == 0
+    assert call(ARM)[0] == 0
     columns = written(tmp_path / "arm")["columns"]
     assert columns == {"time": "log.t_ms", "angle": "log.pos_deg", "torque": "log.I_motor"}
     same_motion(tmp_path / "arm")
@@ -137,7 +138,7 @@ def test_what_is_there_is_never_overwritten(call, tmp_path):
     for name in ("dataset.toml", "suite.toml"):
         file = tmp_path / "arm" / name
         file.write_text("mine")
-        assert_one_line(call(f"init arm {INIT} {MOTOR}"), f"arm/{name} is there already")
+        assert_one_line(call(ARM), f"arm/{name} is there already")
         assert file.read_text() == "mine"
         file.unlink()
 
@@ -195,7 +196,7 @@ def test_positions_of_the_motor_are_told_by_the_motion(call, tmp_path):
     for path in (tmp_path / "arm").glob("*.csv"):
         table = pd.read_csv(path)
         table.assign(pos_deg=GEAR * table["pos_deg"]).to_csv(path, index=False)
-    code, out, _ = call(f"init arm {INIT} {MOTOR}")
+    code, out, _ = call(ARM)
     assert code == 0 and "corrected: angles are those of the motors" in out
     assert written(tmp_path / "arm")["motor"]["angle"] == "motor"
     same_motion(tmp_path / "arm")
@@ -241,5 +242,5 @@ def test_a_lerobot_data_set_is_refused_with_the_reader_that_reads_it(call, tmp_p
 
 def test_an_interrupted_call_can_be_made_again(call, tmp_path):
     for _ in range(2):
-        assert call(f"init arm {INIT} {MOTOR}")[0] == 0
+        assert call(ARM)[0] == 0
         (tmp_path / "arm" / "dataset.toml").unlink()  # written last

@@ -53,17 +53,17 @@ def arm(tmp_path_factory):
 def exact(arm):
     """Angles and torques of the joints: those of motors with unit gears, without their zero."""
     frame = wrist.frame(arm, 8.0)
-    angles = frame[wrist.COLUMNS[0]].to_numpy() @ np.linalg.inv(wrist.GEARS.T) + wrist.ZERO
-    torques = frame[wrist.COLUMNS[1]].to_numpy() @ wrist.GEARS
-    return frame["t"].to_numpy(), angles, torques
+    return frame["t"].to_numpy(), *wrist.of_joints(frame)
 
 
 @pytest.fixture
 def call(arm, exact, tmp_path, run):
     """Call init in a folder with a table of these columns, and read what it wrote."""
     rotors = (("one", 0.4), ("two", 0.3), ("three", 0.05))
+    (tmp_path / "legged.xml").write_text(LEGGED)
 
     def init(columns, *arguments, robot=arm.options["urdf"], known=rotors):
+        known = () if robot == "legged.xml" else known
         frame = pd.DataFrame({"t": exact[0], **columns})
         (tmp_path / "log").mkdir(exist_ok=True)
         frame.to_csv(tmp_path / "log" / "run.csv", index=False)
@@ -186,8 +186,7 @@ def test_a_joint_that_hardly_moves_is_locked_where_it_stands(arm, tmp_path, run)
     (tmp_path / "wrist.urdf").write_text(wrist.URDF)
     frames = wrist.frames_joint_by_joint(arm, 4.0, 8.0)
     for name in ("joint 1", "joint 2"):
-        q = frames[name][wrist.COLUMNS[0]].to_numpy() @ np.linalg.inv(wrist.GEARS.T) + wrist.ZERO
-        u = frames[name][wrist.COLUMNS[1]].to_numpy() @ wrist.GEARS
+        q, u = wrist.of_joints(frames[name])
         columns = {"t": frames[name]["t"], **named({"q_{}": q, "tau_{}": u})}
         pd.DataFrame(columns).to_csv(tmp_path / "log" / f"{name}.csv", index=False)
     code, out, _ = run(tmp_path, "init", "log", "--mechanism", "wrist.urdf")
@@ -261,10 +260,9 @@ def test_joints_without_a_torque_are_locked_where_they_are(call, exact):
 def test_a_free_root_is_held_and_targets_stand_for_torques(call, exact, tmp_path, monkeypatch):
     pytest.importorskip("mujoco")
     _, q, _ = exact
-    (tmp_path / "legged.xml").write_text(LEGGED)
     columns = named({"q_{}": q, "goal_{}": q}, LEGS)
     monkeypatch.chdir(tmp_path)
-    document, out = call(columns, "--gains", "20,1.5", robot="legged.xml", known=())
+    document, out = call(columns, "--gains", "20,1.5", robot="legged.xml")
     assert document["mechanism"]["base"] == "trunk" and "it is held" in out
     actuator = document["actuator"]
     assert actuator["target"] == ["goal_hip", "goal_knee"] and actuator["limit"] == [20.0, 40.0]
@@ -284,7 +282,7 @@ def test_gains_are_those_of_the_files_position_actuators(call, exact, tmp_path):
     (tmp_path / "legged.xml").write_text(LEGGED.replace(actuators, servos))
     columns = named({"q_{}": q, "goal_{}": q}, LEGS)
     for given, P, D in (((), [20.0, 30.0], 1.5), (("--gains", "7,1"), 7.0, 1.0)):
-        document, out = call(columns, *given, robot="legged.xml", known=())
+        document, out = call(columns, *given, robot="legged.xml")
         assert (document["actuator"]["P"], document["actuator"]["D"]) == (P, D)
         assert "missing: gains" not in out
         servo = load_dataset(call.folder).recordings[0].servo
@@ -296,10 +294,9 @@ def test_gains_are_those_of_the_files_position_actuators(call, exact, tmp_path):
     [("tau", 3, "inverse_dynamics"), ("tau", 2, "shooting"), ("goal", 2, "shooting")],
 )
 def test_the_first_suite_has_the_method_of_fit_and_the_laws_of_quick(
-    call, exact, arm, tmp_path, column, joints, method
+    call, exact, arm, column, joints, method
 ):
     _, q, u = exact
-    (tmp_path / "legged.xml").write_text(LEGGED)
     robot, names = (arm.options["urdf"], JOINTS) if joints == 3 else ("legged.xml", LEGS)
     columns = {"q_{}": q, f"{column}_{{}}": u if column == "tau" else q}
     call(named(columns, names), robot=robot, known=())
@@ -310,14 +307,13 @@ def test_the_first_suite_has_the_method_of_fit_and_the_laws_of_quick(
     assert [task.name for task in tasks] == [law.label for law in plan_for(data).laws]
 
 
-def test_a_free_root_with_an_imu_floats(call, exact, tmp_path):
+def test_a_free_root_with_an_imu_floats(call, exact):
     time, q, u = exact
-    (tmp_path / "legged.xml").write_text(LEGGED)
     still = np.zeros(len(time))
     gyro = {f"imu_gyro_{axis} [deg/s]": 40.0 * np.cos(time) for axis in "xyz"}
     acc = {f"imu_acc_{axis}": still + (axis == "z") for axis in "xyz"}
     columns = named({"q_{}": q, "tau_{}": u}, LEGS)
-    document, out = call({**gyro, **acc, **columns}, robot="legged.xml", known=())
+    document, out = call({**gyro, **acc, **columns}, robot="legged.xml")
     assert document["mechanism"]["floating"] is True and document["mechanism"]["base"] == "trunk"
     assert document["base"]["angular_velocity"] == list(gyro)
     assert document["base"]["specific_force"] == list(acc)
@@ -326,7 +322,7 @@ def test_a_free_root_with_an_imu_floats(call, exact, tmp_path):
     (recording,) = load_dataset(call.folder).recordings
     motion = recording.base_motion.value[100:-100].mean(axis=0)
     np.testing.assert_allclose(motion[6:], [0.0, 0.0, 9.80665], atol=1e-3)
-    document, out = call({**gyro, **columns}, robot="legged.xml", known=())
+    document, out = call({**gyro, **columns}, robot="legged.xml")
     assert "base" not in document and "it is held; where it moves, an IMU must say how" in out
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.changed_data import changed, each, some
 from fixtures.lab_tables import MACHINE, recordings, write_lab_tables
 from fixtures.paths import ROOT
 from fixtures.printed import assert_alike
@@ -68,6 +69,11 @@ def found(place):
     return quick(load_dataset(place / "arm"), steps.append), steps
 
 
+@pytest.fixture(scope="module")
+def result(found):
+    return found[0]
+
+
 def test_the_true_law_is_found_with_its_numbers(found):
     result, steps = found
     assert steps == list(BY_ANGLES.steps)
@@ -82,16 +88,14 @@ def test_the_true_law_is_found_with_its_numbers(found):
     assert names == [f"{n} of joint 1" for n in ("coulomb", "peak", "stribeck_velocity", "viscous")]
 
 
-def test_the_verdict_is_the_simplest_law_that_is_shown_to_predict_as_the_best(found):
-    result, _ = found
+def test_the_verdict_is_the_simplest_law_that_is_shown_to_predict_as_the_best(result):
     assert [c.name for c in result.candidates] == list(LAWS)
     assert all(len(c.by_fold) == result.folds for c in result.candidates)
     good = [c for c in result.candidates if c.standing in ("best", "adequate") and c.parameters]
     assert result.chosen is min(good, key=lambda c: c.parameters)
 
 
-def test_the_words_and_the_numbers_agree(found):
-    result, _ = found
+def test_the_words_and_the_numbers_agree(result):
     words = " ".join(verdict(result))
     assert words.startswith("Verdict: stribeck, Tf = (coulomb + peak")
     assert "Practically worse than" in words and "no friction, coulomb_viscous" in words
@@ -109,41 +113,36 @@ def test_the_words_and_the_numbers_agree(found):
         (set(), "No other law is practically worse than spline."),
     ],
 )
-def test_no_friction_does_not_read_as_no_law(found, worse, sentence):
-    result, _ = found
+def test_no_friction_does_not_read_as_no_law(result, worse, sentence):
     standings = {name: "undecided" for name in LAWS} | dict.fromkeys(worse, "worse")
     standings["spline"] = "best"
     candidates = [replace(c, standing=standings[c.name]) for c in result.candidates]
     assert sentence in verdict(replace(result, candidates=tuple(candidates)))
 
 
-def test_a_block_that_is_not_free_and_would_show_is_named(found):
+def test_a_block_that_is_not_free_and_would_show_is_named(result):
     """Also where too little motion was held out to compare laws."""
-    result, _ = found
     said = "Not free, and would show: 'offset' (p = 3e-16). Free them."
     doubted = replace(result, refined=replace(result.refined, warnings=("Odd.", said)))
-    for each in (doubted, replace(doubted, folds=1)):
-        assert said in verdict(each) and "Odd." not in verdict(each)
-        assert "Not free" in repr(each) and said in json.loads(quick_json(each))["verdict"]
+    for one in (doubted, replace(doubted, folds=1)):
+        assert said in verdict(one) and "Odd." not in verdict(one)
+        assert "Not free" in repr(one) and said in json.loads(quick_json(one))["verdict"]
     assert said not in verdict(result)
 
 
-def test_it_is_said_why_another_law_than_that_of_the_smallest_error_is_best(found):
-    result, _ = found
+def test_it_is_said_why_another_law_than_that_of_the_smallest_error_is_best(result):
     said = "The table's errors are of all motion together; the rule compares mean errors"
     assert said not in " ".join(verdict(result))
     worst = [replace(c, error=1.0 if c.standing == "best" else c.error) for c in result.candidates]
     assert said in " ".join(verdict(replace(result, candidates=tuple(worst))))
 
 
-def test_the_picture_is_one_and_always_the_same(found):
-    result, _ = found
+def test_the_picture_is_one_and_always_the_same(result):
     picture = png(lambda: quick_figure(result))
     assert picture.startswith(b"\x89PNG") and picture == png(lambda: quick_figure(result))
 
 
-def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(found):
-    result, _ = found
+def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(result):
     others = tuple(c for c in result.candidates if c.name not in ("load_dependent", "motor_load"))
 
     def legend(result):
@@ -156,20 +155,20 @@ def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(found):
 # --- The page for newcomers -----------------------------------------------------------------------
 
 
-def test_the_command_says_what_the_page_shows(found, place, monkeypatch, run):
-    monkeypatch.setattr("frictionid.quickstart.quick.quick", lambda *_: found[0])
+def test_the_command_says_what_the_page_shows(result, place, monkeypatch, run):
+    monkeypatch.setattr("frictionid.quickstart.quick.quick", lambda *_: result)
     monkeypatch.setenv("COLUMNS", "110")
     arguments, text = shown("quick")
     code, out, err = run(place, *arguments)
     assert code == 0
     assert_shown(out + err, text)
-    assert (place / "quick-arm.png").read_bytes() == png(lambda: quick_figure(found[0]))
+    assert (place / "quick-arm.png").read_bytes() == png(lambda: quick_figure(result))
     code, out, err = run(place, *arguments)
     assert code == 0 and "written to quick-arm-2.png" in err
     outcome = run(place, *arguments, "--figure", "quick-arm.png")
     assert_one_line(outcome, "quick-arm.png exists")
     code, out, _ = run(place, *arguments, "--json", "--replace")
-    assert code == 0 and json.loads(out) == json.loads(quick_json(found[0]))
+    assert code == 0 and json.loads(out) == json.loads(quick_json(result))
 
 
 def test_the_other_commands_of_the_page_run_too(place, monkeypatch, run):
@@ -194,8 +193,7 @@ def test_the_intervals_on_the_page_hold_the_truth():
 # --- Too little motion ----------------------------------------------------------------------------
 
 
-def test_a_richer_law_is_chosen_for_a_parameter_that_shows_and_this_is_said(found):
-    result, _ = found
+def test_a_richer_law_is_chosen_for_a_parameter_that_shows_and_this_is_said(result):
     assert "but has a parameter" not in " ".join(verdict(result))
     factor = next(c.loss for c in result.candidates if c.loss)
     standings = {"coulomb_viscous": "best", "stribeck": "undecided"}
@@ -208,8 +206,7 @@ def test_a_richer_law_is_chosen_for_a_parameter_that_shows_and_this_is_said(foun
     assert any(w.endswith("but has a parameter that these data identify.") for w in words)
 
 
-def test_folds_without_motion_say_nothing(found):
-    result, _ = found
+def test_folds_without_motion_say_nothing(result):
     still = replace(result, folds=2, chosen=result.candidates[-1])
     assert any("Too little motion was held out" in words for words in verdict(still))
     assert result.folds == 5
@@ -219,8 +216,7 @@ def test_folds_without_motion_say_nothing(found):
 
 
 def test_unusable_data_get_no_verdict(tmp_path, run):
-    turned = [replace(r, torque=r.torque._replace(value=-r.torque.value)) for r in recordings()]
-    result = quick(Dataset("turned", MACHINE, tuple(turned)))
+    result = quick(changed(Dataset("turned", MACHINE, recordings()), "torque", np.negative))
     assert result.check.level == "unusable" and result.chosen is None and verdict(result) == []
     write_lab_tables(tmp_path / "arm", sign=-1.0)
     own = tmp_path / "arm" / "dataset.toml"
@@ -257,11 +253,11 @@ def test_a_law_that_cannot_be_fitted_is_no_candidate(monkeypatch):
 
 
 def test_the_share_of_a_motor_is_a_candidate_where_a_motor_drives():
-    data = tiny()
-    logged = data.recordings[0]
-    passive = replace(logged, torque=logged.torque._replace(value=0.0 * logged.torque.value))
-    driven = replace(passive, servo=open_loop(logged.torque))
-    offered = [plan_for(replace(data, recordings=(r,))) for r in (logged, driven, passive)]
+    logged = some(tiny(), 0, 1)
+    passive = changed(logged, "torque", np.zeros_like)
+    servo = open_loop(logged.recordings[0].torque)
+    driven = each(passive, lambda r: replace(r, servo=servo))
+    offered = [plan_for(data) for data in (logged, driven, passive)]
     assert ["motor_load" in plan.steps for plan in offered] == [True, True, False]
     assert ["quadratic" in plan.steps for plan in offered] == [False, False, True]
 

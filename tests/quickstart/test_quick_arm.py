@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.changed_data import changed
 
 import frictionid as fid
 from frictionid.quickstart.quick import BY_ANGLES, BY_TORQUES, plan_for, quick
@@ -74,9 +75,6 @@ def test_the_method_is_that_of_a_fit(data):
     acrobot = fid.load_dataset("acrobot_clean")
     assert plan_for(data) is BY_TORQUES and plan_for(acrobot) == BY_ANGLES
     idle = np.arange(data.mechanism.n) > 0
-    parts = [
-        replace(r, torque=r.torque._replace(value=r.torque.value * idle)) for r in data.recordings
-    ]
-    by_angles = plan_for(replace(data, recordings=tuple(parts)))
+    by_angles = plan_for(changed(data, "torque", lambda u: u * idle))
     assert by_angles.recipe == BY_ANGLES.recipe and by_angles.folds < BY_ANGLES.folds
     assert {*BY_ANGLES.steps} - {*by_angles.steps} == {"stribeck_asymmetric"}

@@ -43,6 +43,10 @@ def wheel(truth):
     return TrueSystem(mechanism, mechanism.base(own), truth, own)
 
 
+def step_of(truth):
+    return 1 / 60 / (32 if truth is LUGRE else 8)
+
+
 def driven(truth, substeps, seconds=0.25):
     """States of four acrobots under a torque that changes 60 times a second."""
     rng = np.random.default_rng(5)
@@ -172,8 +176,8 @@ def test_energy_falls_without_input(truth):
     rng = np.random.default_rng(3)
     q, w = rng.uniform(-1.5, 1.5, (3, 2)), rng.normal(size=(3, 2)) * (2.0, 5.0)
     here = system(truth)
-    step = 1 / 60 / (32 if truth is LUGRE else 8)
-    states = integrate_motion(here, q, w, np.zeros((180, 3, 2)), np.arange(181) / 60, step)
+    u, edges = np.zeros((180, 3, 2)), np.arange(181) / 60
+    states = integrate_motion(here, q, w, u, edges, step_of(truth))
     energy = here.mechanism.terms(here.p, states[:, 0], states[:, 1]).energy
     if truth is LUGRE:  # a bent bristle stores energy
         energy = energy + (0.5 * np.array(LUGRE.bristle_stiffness) * states[:, 2] ** 2).sum(axis=-1)
@@ -192,7 +196,7 @@ def test_the_mirrored_rig_moves_mirrored(truth):
     }
     mirrored = replace(truth, curve=replace(truth.curve, **turned))
     q, u = np.array([[1.2, -0.7]]), np.full((40, 1, 2), (0.0, 0.13))
-    edges, step = np.arange(41) / 60, 1 / 60 / (32 if truth is LUGRE else 8)
+    edges, step = np.arange(41) / 60, step_of(truth)
     one = integrate_motion(system(truth), q, 0 * q, u, edges, step)
     other = integrate_motion(system(mirrored), -q, 0 * q, -u, edges, step)
     assert one[:, :2] == pytest.approx(-other[:, :2], abs=1e-8)
@@ -203,7 +207,7 @@ def test_a_batch_equals_its_recordings_alone():
     q, u = rng.uniform(-2, 2, (4, 2)), rng.normal(size=(15, 4, 2)) * (0.0, 0.1)
     edges = np.arange(16) / 60
     for truth in TRUTHS.values():
-        step = 1 / 60 / (32 if truth is LUGRE else 8)
+        step = step_of(truth)
         batch = integrate_motion(system(truth), q, 0 * q, u, edges, step)
         alone = integrate_motion(system(truth), q[2:3], 0 * q[2:3], u[:, 2:3], edges, step)
         assert batch[:, :, 2:3] == pytest.approx(alone, abs=1e-10)

@@ -1,10 +1,9 @@
 """The monitor on an arm whose URDF lacks rotors: wear and a payload are called by their names."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures.changed_data import changed
 from fixtures.sines import sines, torque_without_friction
 
 import frictionid as fid
@@ -90,11 +89,8 @@ def test_wear_of_one_joint_is_named_alone(known, folder):
 @pytest.mark.parametrize("late", [-0.01, 0.002, 0.005, 0.02])
 def test_a_late_torque_is_no_friction(known, folder, late):
     """Up to four samples: a torque jumps where friction turns, a sample further on."""
-    data = recorded(folder, 2, 3)
-    runs = [
-        replace(r, torque=r.torque._replace(time=r.torque.time + late)) for r in data.recordings
-    ]
-    found = fid.monitor(known, replace(data, recordings=tuple(runs))).judgement
+    data = changed(recorded(folder, 2, 3), "torque", lambda u: u, late)
+    found = fid.monitor(known, data).judgement
     assert found.answer == "other" and found.changed == ("the torque's delay",)
     said = float(found.causes[0].split(": ")[1].split(" ms")[0])
     assert said == pytest.approx(-1e3 * late, rel=0.1)
@@ -109,11 +105,8 @@ def test_a_negative_mass_is_no_payload(known):
 
 
 def test_torques_in_another_unit_are_no_judgement(known, folder):
-    data = recorded(folder, 5, 2)
-    runs = [
-        replace(r, torque=r.torque._replace(value=1e3 * r.torque.value)) for r in data.recordings
-    ]
-    found = fid.monitor(known, replace(data, recordings=tuple(runs)))
+    data = changed(recorded(folder, 5, 2), "torque", lambda u: 1e3 * u)
+    found = fid.monitor(known, data)
     assert found.answer == "cannot_tell"
     assert any("check the torque's unit" in note for note in found.judgement.notes)
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drive_logs import ServoPendulum
+from fixtures.changed_data import changed, each, some
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.servo_logs import by_controller
 from fixtures.seven_joints import MASS, urdf_text
@@ -52,11 +53,6 @@ def rig(seed, count=COUNT, seconds=12.0, **variation):
     return Rig("rig", {"kind": "acrobot"}, true, camera, runs, **settings)
 
 
-def some(data, first, last):
-    """Some recordings of a data set."""
-    return replace(data, recordings=data.recordings[first:last])
-
-
 @pytest.fixture(scope="module")
 def first():
     """Healthy recordings, and from the twentieth on 20 % more of the levels of joint 1."""
@@ -66,6 +62,12 @@ def first():
 @pytest.fixture(scope="module")
 def healthy(first):
     return some(first, 0, COUNT)
+
+
+@pytest.fixture(scope="module")
+def fresh(first):
+    """Five other healthy recordings."""
+    return some(first, COUNT, COUNT + 5)
 
 
 @pytest.fixture(scope="module")
@@ -82,21 +84,10 @@ def known(healthy):
     return fid.baseline(healthy)
 
 
-def changed(data, change):
-    """The data set with each recording changed."""
-    return replace(data, recordings=tuple(map(change, data.recordings)))
-
-
-def logged(early=0.0, factor=1.0, tilt=0.0):
-    """A recording as other sensors would have made it."""
-
-    def change(r):
-        torque = r.torque._replace(time=r.torque.time - early, value=r.torque.value * factor)
-        return replace(
-            r, torque=torque, angle=r.angle._replace(value=r.angle.value + np.array([tilt, 0.0]))
-        )
-
-    return change
+def logged(data, early=0.0, factor=1.0, tilt=0.0):
+    """Recordings as other sensors would have made them."""
+    other = changed(data, "torque", lambda u: u * factor, -early)
+    return changed(other, "angle", lambda q: q + [tilt, 0.0])
 
 
 @pytest.mark.parametrize("joint", [0, 1])
@@ -111,8 +102,8 @@ def test_a_change_of_one_joint_is_found_in_that_joint_and_by_its_size(known, wor
     assert total.per_cent == pytest.approx(true, abs=6.0)
 
 
-def test_healthy_recordings_are_called_unchanged(known, first):
-    found = fid.monitor(known, some(first, COUNT, COUNT + 5))
+def test_healthy_recordings_are_called_unchanged(known, fresh):
+    found = fid.monitor(known, fresh)
     assert found.answer == "unchanged"
     assert found.judgement.p > 0.01
     assert found.judgement.causes == ()
@@ -121,19 +112,18 @@ def test_healthy_recordings_are_called_unchanged(known, first):
 @pytest.mark.parametrize(
     ("sensors", "cause", "size"),
     [
-        (logged(early=0.005), "the torque's delay", 5.0),  # ms
-        (logged(factor=1.0 / 1.06), "the torque's gain of joint 2", 6.0),  # %
-        (logged(tilt=0.02), "the angle's offset of joint 1", 0.02),
+        ({"early": 0.005}, "the torque's delay", 5.0),  # ms
+        ({"factor": 1.0 / 1.06}, "the torque's gain of joint 2", 6.0),  # %
+        ({"tilt": 0.02}, "the angle's offset of joint 1", 0.02),
     ],
 )
-def test_what_the_sensors_did_is_called_by_its_name(known, healthy, first, sensors, cause, size):
+def test_what_the_sensors_did_is_called_by_its_name(known, healthy, fresh, sensors, cause, size):
     """Logged early, too small, by a tilted camera: never friction, and of the right size."""
-    new = changed(some(first, COUNT, COUNT + 5), sensors)
-    found = fid.monitor(known, new)
+    found = fid.monitor(known, logged(fresh, **sensors))
     assert found.answer == "other"
     assert [c.partition(":")[0] for c in found.judgement.causes] == [cause]
     assert "Friction has not changed" in str(found)
-    (text,) = fid.monitor(known, changed(healthy, sensors)).judgement.causes
+    (text,) = fid.monitor(known, logged(healthy, **sensors)).judgement.causes
     assert float(text.partition(": ")[2].split()[0]) == pytest.approx(size, rel=0.1)
 
 
@@ -146,7 +136,7 @@ def test_a_payload_is_called_by_its_name(known):
     assert any("payload" in cause for cause in found.judgement.causes)
 
 
-def test_pushes_are_no_friction_and_are_left_out(known, first):
+def test_pushes_are_no_friction_and_are_left_out(known, fresh):
     """0.15 N m for 0.2 s on joint 2, which no log has."""
 
     def pushed(r):
@@ -154,17 +144,13 @@ def test_pushes_are_no_friction_and_are_left_out(known, first):
         value[(time > 5.0) & (time < 5.2), 1] -= 0.15
         return replace(r, torque=r.torque._replace(value=value))
 
-    found = fid.monitor(known, changed(some(first, COUNT, COUNT + 5), pushed))
+    new = each(fresh, pushed)
+    found = fid.monitor(known, new)
     assert found.answer == "unchanged"
     assert "disturbed, not friction: " in str(found)
-    stretches = recording_changes(
-        prepared_data(changed(some(first, COUNT, COUNT + 1), pushed)),
-        known.reference,
-        (),
-        known.changes.disturbed,
-    )[1]
-    assert len(stretches) == 1
-    assert stretches[0].begin < 5.0 < 5.2 < stretches[0].end
+    prepared = prepared_data(some(new, 0, 1))
+    (one,) = recording_changes(prepared, known.reference, (), known.changes.disturbed)[1]
+    assert one.begin < 5.0 < 5.2 < one.end
 
 
 def test_where_much_is_disturbed_another_cause_is_named(known):
@@ -189,8 +175,7 @@ def test_a_temperature_explains_what_follows_it():
     assert base.covariates == ("temperature",)
     found = fid.monitor(base, new)
     assert found.answer == "unchanged"
-    without = {r.name: replace(r, covariates={}) for r in data.recordings}
-    blind = fid.baseline(replace(old, recordings=tuple(without[r.name] for r in old.recordings)))
+    blind = fid.baseline(each(old, lambda r: replace(r, covariates={})))
     assert np.ptp(totals(blind.changes, blind.reference.speeds)[:, 0]) > 0.05 * blind.level[0]
 
 
@@ -204,12 +189,11 @@ def test_faster_motion_than_any_healthy_one_cannot_be_judged(known, worn):
     """The same paths in half the time, and in half as much more: slower ones are judged."""
 
     def at(share):
-        def moved(recording):
-            both = (recording.angle, recording.torque)
-            angle, torque = (signal._replace(time=signal.time / share) for signal in both)
-            return replace(recording, angle=angle, torque=torque)
+        def moved(r):
+            angle, torque = (x._replace(time=x.time / share) for x in (r.angle, r.torque))
+            return replace(r, angle=angle, torque=torque)
 
-        return changed(worn[0], moved)
+        return each(worn[0], moved)
 
     fast = fid.monitor(known, at(2.0))
     assert fast.answer == "cannot_tell"
@@ -297,15 +281,15 @@ def test_a_baseline_of_one_recording_is_refused(healthy):
         fid.baseline(some(healthy, 0, 1))
 
 
-def test_pieces_of_healthy_recordings_raise_no_alarm(known, first):
+def test_pieces_of_healthy_recordings_raise_no_alarm(known, fresh):
     """Thirty samples are hardly more than what may change: the noise is that of healthy ones."""
 
-    def piece(r, a):
-        return replace(r, name=f"{r.name} {a}", angle=taken(r.angle, range(a, a + 30)), truth=None)
-
-    new = some(first, COUNT, COUNT + 5)
     for a in range(0, 700, 100):
-        pieces = replace(new, recordings=tuple(piece(r, a) for r in new.recordings))
+
+        def piece(r, rows=range(a, a + 30)):
+            return replace(r, angle=taken(r.angle, rows), truth=None)
+
+        pieces = each(fresh, piece)
         assert fid.monitor(known, pieces, rate=1e-3).judgement.causes == ()
 
 
@@ -319,14 +303,10 @@ def test_recordings_are_chosen_over_all_data_sets(known, first):
         fid.monitor(known, [])
 
 
-def test_what_joints_cannot_tell_is_said(known, first):
+def test_what_joints_cannot_tell_is_said(known, fresh):
     """Joint 1 stands still, as under a brake: nothing is said of its friction."""
-
-    def braked(r):
-        value = r.angle.value - r.angle.value * [1.0, 0.0]
-        return replace(r, angle=r.angle._replace(value=value))
-
-    said = fid.monitor(known, changed(some(first, COUNT, COUNT + 5), braked)).judgement
+    braked = changed(fresh, "angle", lambda q: q - q * [1.0, 0.0])
+    said = fid.monitor(known, braked).judgement
     assert 0 not in said.joints
     assert any(note.startswith("joint 1: changes smaller") for note in said.notes)
 
@@ -349,13 +329,13 @@ def test_a_reference_without_friction_is_refused(healthy):
         fid.baseline(healthy, law="none")
 
 
-def test_an_unknown_temperature_is_said(known, first):
+def test_an_unknown_temperature_is_said(known, fresh):
     base = replace(
         known,
         covariates=("temperature",),
         changes=known.changes._replace(covariates=np.arange(20.0, 20 + COUNT)[:, None]),
     )
-    notes = fid.monitor(base, some(first, COUNT, COUNT + 5)).judgement.notes
+    notes = fid.monitor(base, fresh).judgement.notes
     assert any("temperature is not said of all new recordings" in note for note in notes)
 
 

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.true_curves import plain_friction
+from fixtures.changed_data import each
+from fixtures.driven_pendulum import simulated
 
 import frictionid as fid
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes, totals
 from frictionid.deploy.monitor.judgement import judge
 from frictionid.deploy.monitor.monitor import arriving
-from frictionid.simulate import Camera, Multisine, Rig, Run, Variation, simulate
+from frictionid.simulate import Camera, Multisine, Run, Variation
 
 LIGHT, HEAVY = 0.5, 0.7  # kg
 LEVEL = {LIGHT: 0.05, HEAVY: 0.07}  # N m
@@ -23,17 +24,13 @@ def recorded(mass, count, worn, level=None, viscous=0.004):
     rng = np.random.default_rng(int(10 * mass))
     torque = Multisine(1.2, (0.7, 1.1, 1.6))
     starts = rng.uniform(-1, 1, (count, 1)).tolist()
-    runs = tuple(
+    runs = (
         Run(f"r{1e3 * mass:.0f}-{i}", tuple(q), torques=(torque,)) for i, q in enumerate(starts)
     )
-    rig = Rig(
-        *("p", {"kind": "pendulum", "parameters": {"mass": mass, "length": 0.3}}),
-        *(plain_friction(level or LEVEL[mass], viscous), Camera(361, 60.0, 0.0016)),
-        runs,
-        variation=Variation(scatter=0.01, wear=(0.15,), worn_from=count - worn, sudden=True),
-        substeps=4,
-    )
-    return tuple(replace(r, parameters={"mass": mass}) for r in simulate(rig).recordings)
+    varied = Variation(scatter=0.01, wear=(0.15,), worn_from=count - worn, sudden=True)
+    camera, level = Camera(361, 60.0, 0.0016), level or LEVEL[mass]
+    made = simulated(level, viscous, camera, runs, mass, variation=varied)
+    return tuple(replace(r, parameters={"mass": mass}) for r in made.recordings)
 
 
 def dataset(*recordings):
@@ -64,15 +61,20 @@ def test_the_payload_is_a_covariate_and_its_effect_comes_out_as_it_went_in(known
     assert effect == pytest.approx(LEVEL[HEAVY] - LEVEL[LIGHT], rel=0.1)
 
 
+def saying(recordings, said):
+    """A data set of recordings that say so of their payloads."""
+    return each(dataset(*recordings), lambda r: replace(r, parameters=said))
+
+
 @pytest.fixture(scope="module")
 def plain(light):
-    return fid.baseline(dataset(*(replace(r, parameters={}) for r in light)), law="coulomb_viscous")
+    return fid.baseline(saying(light, {}), law="coulomb_viscous")
 
 
 def carrying(plain, share, viscous=0.004):
     """What is found where the mass has grown by a share, which no recording says."""
     new = recorded(LIGHT * (1 + share), 5, 0, LEVEL[LIGHT], viscous)
-    return fid.monitor(plain, dataset(*(replace(r, parameters={}) for r in new)))
+    return fid.monitor(plain, saying(new, {}))
 
 
 @pytest.mark.parametrize("share", [-0.4, -0.2, -0.1, 0.1, 0.2, 0.4])
@@ -122,7 +124,7 @@ def test_what_is_linear_in_the_payload_changes_no_judgement_and_no_evidence(know
 
 @pytest.mark.parametrize("said", [{}, {"mass": LIGHT}], ids=["unsaid", "always the same"])
 def test_a_payload_of_which_the_baseline_knows_nothing_is_refused(light, heavy, said):
-    plain = fid.baseline(dataset(*(replace(r, parameters=said) for r in light)))
+    plain = fid.baseline(saying(light, said))
     assert plain.covariates == tuple(said)
     assert fid.monitor(plain, dataset(light[0])).answer == "unchanged"  # the same mass
     with pytest.raises(fid.InputError, match=r"mass = 0.7 is not the baseline's 0.5"):

@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.changed_data import changed, each, some
+from fixtures.driven_pendulum import simulated
 from fixtures.refusals import assert_one_line, assert_refused
-from fixtures.true_curves import plain_friction
 
 import frictionid as fid
 from frictionid.data.signals import taken
@@ -20,16 +21,7 @@ from frictionid.deploy.watch.momentum_observer import Observed
 from frictionid.deploy.watch.stream import Chunk, part
 from frictionid.deploy.watch.watch import watch_of, watched, write_code
 from frictionid.friction.laws import Dahl
-from frictionid.simulate import (
-    Camera,
-    Drive,
-    Multisine,
-    Rig,
-    Run,
-    Variation,
-    simulate,
-    write_dataset,
-)
+from frictionid.simulate import Camera, Drive, Multisine, Run, Variation, write_dataset
 
 PUSH, BEGIN, END = 0.3, 4.0, 5.0  # N m, s
 
@@ -37,15 +29,11 @@ PUSH, BEGIN, END = 0.3, 4.0, 5.0  # N m, s
 def recorded(count=4, seconds=12.0, noise=2e-4, seed=1, scatter=0.0):
     """A pendulum with Coulomb and viscous friction, at 200 samples a second."""
     torque = Multisine(1.2, (0.7, 1.1, 1.6))
-    runs = tuple(Run(f"r{i}", (0.2 * i,), torques=(torque,)) for i in range(count))
-    true = plain_friction(0.1, 0.02)
+    runs = (Run(f"r{i}", (0.2 * i,), torques=(torque,)) for i in range(count))
     camera = Camera(int(seconds * 200) + 1, 200.0, noise)
-    parameters = {"mass": 0.5, "length": 0.3}
-    machine = {"kind": "pendulum", "parameters": parameters}
-    drive = Drive(rate=200.0)
     varied = Variation(scatter=scatter) if scatter else None
-    settings = {"variation": varied, "seed": seed, "substeps": 1}
-    return simulate(Rig("p", machine, true, camera, runs, drive=drive, **settings))
+    settings = {"variation": varied, "seed": seed, "substeps": 1, "drive": Drive(rate=200.0)}
+    return simulated(0.1, 0.02, camera, runs, **settings)
 
 
 def pushed(recording):
@@ -72,7 +60,7 @@ def watch(fit, quiet):
 
 @pytest.fixture(scope="module")
 def contact(quiet):
-    return replace(quiet, recordings=(pushed(quiet.recordings[1]),))
+    return each(some(quiet, 1, 2), pushed)
 
 
 def test_a_push_comes_out_as_it_went_in_and_nothing_else_does(fit, quiet, contact):
@@ -120,18 +108,20 @@ def test_without_quiet_recordings_the_band_is_by_recordings_that_were_not_fitted
     unseen = fid.external_torque(loose, varied).band_of
     size, other = (float(np.hypot(b.noise, 0.05 * b.shake)[0]) for b in (seen, unseen))
     assert other > 1.5 * size
-    single = replace(varied, recordings=varied.recordings[:1])
+    single = some(varied, 0, 1)
     alone = fid.fit(single, "coulomb_viscous", method="one_step")
     assert fid.external_torque(alone, single).band_of.hours < seen.hours
 
 
 def test_a_gap_in_the_log_is_no_contact(fit, quiet):
     """Between its ends nothing is known; behind it the filters settle anew."""
-    (r, *_) = quiet.recordings
-    keep = (r.angle.time < 4.0) | (r.angle.time > 7.0)
-    angle, torque = (taken(x, keep) for x in (r.angle, r.torque))
-    paused = replace(quiet, recordings=(replace(r, angle=angle, torque=torque, truth=None),))
-    said = fid.external_torque(fit, paused, quiet=quiet)
+
+    def paused(r):
+        keep = (r.angle.time < 4.0) | (r.angle.time > 7.0)
+        angle, torque = (taken(x, keep) for x in (r.angle, r.torque))
+        return replace(r, angle=angle, torque=torque, truth=None)
+
+    said = fid.external_torque(fit, each(some(quiet, 0, 1), paused), quiet=quiet)
     assert not said.contacts
     unknown = said.frame.torque1.isna() & (said.frame.time > 1.0)
     assert 7.0 < said.frame.time[unknown].min() < said.frame.time[unknown].max() < 7.6
@@ -140,10 +130,8 @@ def test_a_gap_in_the_log_is_no_contact(fit, quiet):
 @pytest.fixture(scope="module")
 def jumped(quiet):
     """A log in which the encoder is set anew by 400 turns at 6 s."""
-    (r, *_) = quiet.recordings
-    value = r.angle.value + 800 * np.pi * (r.angle.time > 6.0)[:, None]
-    run = replace(r, angle=r.angle._replace(value=value))
-    return replace(quiet, recordings=(run,))
+    later = np.arange(2401)[:, None] > 1200
+    return changed(some(quiet, 0, 1), "angle", lambda q: q + 800 * np.pi * later)
 
 
 def test_an_encoder_that_is_set_anew_is_no_contact(fit, quiet, jumped):
@@ -167,9 +155,7 @@ def folder(quiet, contact, tmp_path_factory):
     place = tmp_path_factory.mktemp("watch")
     write_dataset(quiet, place / "quiet")
     write_dataset(contact, place / "contact")
-    (r,) = contact.recordings
-    wrapped = replace(r, angle=r.angle._replace(value=r.angle.value % (2 * np.pi)))
-    write_dataset(replace(contact, recordings=(wrapped,)), place / "wrapped")
+    write_dataset(changed(contact, "angle", lambda q: q % (2 * np.pi)), place / "wrapped")
     return place
 
 
@@ -210,8 +196,7 @@ def test_the_live_estimate_is_the_same_however_the_samples_come(watch, folder):
 
 def test_a_jump_ends_a_stretch_of_the_live_estimate(watch, quiet, jumped, tmp_path):
     """It hardly moves the estimate; before and behind it what the samples say counts."""
-    sound = replace(quiet, recordings=quiet.recordings[:1])
-    ends = []
+    sound, ends = some(quiet, 0, 1), []
     for data, size in (sound, 10**9), (jumped, 10**9), (jumped, 1500):
         place = tmp_path / str(len(ends))
         write_dataset(data, place)
@@ -240,8 +225,7 @@ def test_memory_is_that_of_a_stretch(watch, quiet):
 def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
     """Friction 10 % below the model's, live and from all data at once."""
     less = replace(fit.friction, theta=fit.friction.theta / 0.9)
-    one = replace(quiet, recordings=quiet.recordings[:1])
-    live = watch_of(less, one, 0.1, 1.0).friction
+    live = watch_of(less, some(quiet, 0, 1), 0.1, 1.0).friction
     said, estimates = live.start(), []
     for r in recorded(8, seed=3).recordings:
         for a in range(0, 2000, 1000):
@@ -320,8 +304,7 @@ def test_what_cannot_be_watched_is_refused(fit, watch, quiet, tmp_path):
     two = fid.Friction(fit.friction.law, np.tile(fit.friction.theta, (2, 1)))
     with assert_refused("has 1 joints, the model has 2"):
         watch_of(two, quiet, 0.1, 1.0)
-    r = quiet.recordings[0]
-    short = replace(quiet, recordings=(replace(r, angle=taken(r.angle, range(90))),))
+    short = each(some(quiet, 0, 1), lambda r: replace(r, angle=taken(r.angle, range(90))))
     with assert_refused("too short for a band: give 2 s and more beside 0.52 s"):
         fid.external_torque(fit, quiet, quiet=short)
     dahl = fid.Friction(Dahl(), np.full((1, len(Dahl().names)), 0.1))
