@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from frictionid.arrays import Array, rms
+from frictionid.arrays import Array
 from frictionid.data.joint_scales import norm_of
 from frictionid.errors import InputError
 
