@@ -8,7 +8,7 @@ import numpy as np
 from frictionid.arrays import Array, like, namespace
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.coordinates import at_places, predicted_load, resting_parts, turns_of
-from frictionid.mechanics import Plant
+from frictionid.mechanics import Mechanism, Plant
 
 
 class State(NamedTuple):
@@ -21,6 +21,13 @@ class State(NamedTuple):
     q: Array
     w: Array
     memory: Memory = ()
+
+
+def state_of(nodes: Array, mechanism: Mechanism) -> State:
+    """The states in nodes (K, s), with entries (K, m) of the memory; views."""
+    n, m = mechanism.n, len(mechanism.friction_names)
+    memory = tuple(nodes[:, i : i + m] for i in range(2 * n, nodes.shape[1], m))
+    return State(nodes[:, :n], nodes[:, n : 2 * n], memory)
 
 
 class Instant(NamedTuple):

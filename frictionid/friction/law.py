@@ -297,7 +297,9 @@ class Law(ABC):
         return np.ones((joints, len(self.names)), dtype=bool)
 
     def with_width(self, width: float) -> Law:
-        """The law smoothed over another width [rad/s]."""
+        """The law smoothed over a width [rad/s]."""
+        if width == self.width:
+            return self
         law = object.__new__(type(self))  # without validation, which takes as long as the torque
         vars(law).update({field.name: getattr(self, field.name) for field in fields(self)})
         vars(law)["width"] = width

@@ -32,17 +32,29 @@ class WrappedLaw(Law):
     reads_window = _of_the_law("reads_window")
     uses_temperature = _of_the_law("uses_temperature")
 
+    @property
+    def inner(self) -> Law:
+        """The other law, as it is asked."""
+        return self.law
+
+    def given(self, theta: Array, x: Inputs) -> tuple[Array, Inputs]:
+        """What the other law is given for its parameters and its inputs."""
+        return theta, x
+
     def start(self, theta: Array, x: Inputs) -> Memory:
-        return self.law.start(theta, x)
+        return self.inner.start(*self.given(theta, x))
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self.inner.torque(*self.given(theta, x), memory)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return self.law.advance(theta, x, memory, dt)
+        return self.inner.advance(*self.given(theta, x), memory, dt)
 
     def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array] | None:
-        return self.law.relaxation(theta, x, dt)
+        return self.inner.relaxation(*self.given(theta, x), dt)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self.law.limit(theta, x, memory)
+        return self.inner.limit(*self.given(theta, x), memory)
 
 
 @dataclass(frozen=True)
@@ -73,7 +85,7 @@ class HeldLaw(Law):
 
     @cached_property
     def _law(self) -> Law:
-        return self.law if self.width == self.law.width else self.law.with_width(self.width)
+        return self.law.with_width(self.width)
 
     def _parts(self, theta: Array, x: Inputs) -> tuple[Array, Inputs, Memory]:
         first = theta.shape[-1] - self.entries
@@ -127,7 +139,7 @@ class LinearOutside(WrappedLaw):
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         top = like(self.speeds, x.w)
-        inside = self._inside(x)
+        _, inside = self.given(theta, x)
 
         def slope(side: float) -> Array:
             near, end = (
@@ -141,19 +153,10 @@ class LinearOutside(WrappedLaw):
         beyond = x.w - inside.w
         return within + namespace(x.w).where(x.w > 0, slope(1.0), slope(-1.0)) * beyond
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return self.law.start(theta, self._inside(x))
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return self.law.advance(theta, self._inside(x), memory, dt)
-
-    def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array] | None:
-        return self.law.relaxation(theta, self._inside(x), dt)
-
     def sharpened(self) -> Law:
         """The sharpened law, continued beyond the same speeds."""
         return LinearOutside(self.law.sharpened(), self.speeds)
 
-    def _inside(self, x: Inputs) -> Inputs:
+    def given(self, theta: Array, x: Inputs) -> tuple[Array, Inputs]:
         xp, top = namespace(x.w), like(self.speeds, x.w)
-        return x._replace(w=xp.minimum(xp.maximum(x.w, -top), top))
+        return theta, x._replace(w=xp.minimum(xp.maximum(x.w, -top), top))

@@ -8,7 +8,6 @@ from fixtures.random_robots import mechanism as robot
 from fixtures.steps import looped
 from test_compiled_step import LAWS, MECHANISMS
 
-from frictionid.dynamics.state import State
 from frictionid.dynamics.tangent import end_states as sensitivities
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
@@ -59,7 +58,7 @@ def test_end_states_and_derivatives_are_those_of_arrays(case, gains, monkeypatch
     w[1::4, 0] = 0.0
     x = at_places(machine, Inputs(q, w, 0.0 * q, 0.0 * q))
     reads = reads_of(law, theta, x.each(lambda rows: rows[:8]))
-    memory = tuple(0.5 * z for z in law.start(theta, x))
+    nodes = np.concatenate([q, w, *(0.5 * z for z in law.start(theta, x))], axis=-1)
     free = FreeTheta(np.repeat(np.arange(m), count), np.tile(np.arange(count), m))
     model = MotionModel(plant, Friction(law, theta), free, (0, 1), reads)
 
@@ -76,13 +75,10 @@ def test_end_states_and_derivatives_are_those_of_arrays(case, gains, monkeypatch
     made = []
     for many in (10**9, 0):
         monkeypatch.setattr(sensitivities, "COMPILED", many)
-        made.append(sensitivities.end_states(model, State(q, w, memory), torque, dt, FINE))
-    arrays, fast = made
-    for name in ("q", "w", "by_start", "by_parameters"):
+        made.append(sensitivities.end_states(model, nodes, torque, dt, FINE))
+    for arrays, fast in zip(*made, strict=True):
         # derivatives of friction by differences on arrays, exact in the compiled step
-        np.testing.assert_allclose(
-            getattr(fast, name), getattr(arrays, name), rtol=1e-6, atol=1e-8, err_msg=name
-        )
+        np.testing.assert_allclose(fast, arrays, rtol=1e-6, atol=1e-8)
 
 
 def test_only_what_is_free_has_derivatives(monkeypatch):
@@ -90,8 +86,8 @@ def test_only_what_is_free_has_derivatives(monkeypatch):
     machine, law, n = double_pendulum(), known.Stribeck(symmetric=False), 2
     theta = np.tile(np.array(STRIBECK), (n, 1))
     plant = looped(machine, COUNT)
-    state = State(*np.random.default_rng(3).normal(size=(2, COUNT, n)))
-    reads = reads_of(law, theta, Inputs(*(state.q[:8],) * 4))
+    nodes = np.concatenate([*np.random.default_rng(3).normal(size=(2, COUNT, n))], axis=-1)
+    reads = reads_of(law, theta, Inputs(*(nodes[:8, :n],) * 4))
     u = np.zeros((1, COUNT, n))
     torque = MotorTorque(u, u[:, None][:, :0], u, u[:, None][:, :0])
     monkeypatch.setattr(sensitivities, "COMPILED", 0)
@@ -100,7 +96,7 @@ def test_only_what_is_free_has_derivatives(monkeypatch):
         free = FreeTheta(np.array(joint, dtype=int), np.array(place, dtype=int))
         model = MotionModel(plant, Friction(law, theta), free, (), reads)
         dt = np.full(COUNT, 0.01)
-        return sensitivities.end_states(model, state, torque, dt, FINE).by_parameters
+        return sensitivities.end_states(model, nodes, torque, dt, FINE)[1][..., 2 * n :]
 
     every = derivatives([0] * 6 + [1] * 6, [*range(6), *range(6)])
     np.testing.assert_array_equal(derivatives([0, 1, 1], [4, 0, 5]), every[..., [4, 6, 11]])

@@ -48,29 +48,25 @@ def test_derivatives_are_the_slopes_of_the_ends(law):
     q, w = np.random.default_rng(2).normal(size=(2, COUNT, 2))
     w[::4] *= 0.05
     w[1::4] = 0.0
-    start = State(q, np.sign(w + 1e-9) * (2.0 + np.abs(w)))  # no stops
+    start = np.concatenate([q, np.sign(w + 1e-9) * (2.0 + np.abs(w))], axis=-1)  # no stops
 
-    def ends(q, w, bias, numbers):
+    def ends(nodes, bias, numbers):
         model = model_of(plant, own, numbers)
-        return sensitivities.end_states(model, State(q, w), motor_torque(bias), dt, FINE)
+        return sensitivities.end_states(model, nodes, motor_torque(bias), dt, FINE)
 
     def slope(change):
         """Difference quotient along a direction in q, w, bias, and theta of both joints."""
+        move, bias, numbered = np.split(change, [4, 5])
         up, down = (
-            ends(
-                start.q + s * change[:2],
-                start.w + s * change[2:4],
-                s * float(change[4]),
-                np.array(numbers) + s * change[5:],
-            )
+            ends(start + s * move, s * float(bias[0]), np.array(numbers) + s * numbered)[0]
             for s in (1.0, -1.0)
         )
-        return np.concatenate([up.q - down.q, up.w - down.w], axis=-1) / 2e-5
+        return (up - down) / 2e-5
 
-    end, count = ends(start.q, start.w, 0.0, np.array(numbers)), len(numbers)
-    theta = end.by_parameters[..., : 2 * count].reshape(COUNT, 4, 2, count).sum(axis=2)
-    lines = np.concatenate([end.by_start, end.by_parameters[..., -1:], theta], axis=-1)
-    moves = ((end.w * start.w > 0.0) & (np.abs(end.w) > 0.5)).all(axis=-1)
+    (end, by), count = ends(start, 0.0, np.array(numbers)), len(numbers)
+    theta = by[..., 4 : 4 + 2 * count].reshape(COUNT, 4, 2, count).sum(axis=2)
+    lines = np.concatenate([by[..., :4], by[..., -1:], theta], axis=-1)
+    moves = ((end * start > 0.0) & (np.abs(end) > 0.5))[:, 2:].all(axis=-1)
     assert moves.sum() > 0.8 * COUNT
     for k, change in enumerate(1e-5 * np.eye(5 + count)):
         line = lines[moves, :, k]

@@ -6,31 +6,28 @@ from frictionid.arrays import Array
 from frictionid.programs.loops import called, compiled
 from frictionid.programs.machine_code import run_at
 
-from ..state import State
 from ..tangent.tangent import MotionModel, MotorTorque, advance_in_pieces
 from .loops import begin_substep, copy, in_one, rows_of_numbers, substep
 from .tangent import TangentMachine
 
 
-def end_states_of(
+def advance_compiled(
     tangent: TangentMachine,
     model: MotionModel,
-    start: State,
+    nodes: Array,
+    T: Array,
     motor: MotorTorque,
     dt: Array,
     parts: int,
-) -> tuple[State, Array]:
-    """End states (K, n) and their derivatives (K, s, D), see `tangent.end_states`."""
-    plant, (K, n) = model.plant, start.q.shape
+) -> None:
+    """Advance states (K, s) and derivatives T (K, s, D), in place, see `tangent.end_states`."""
+    K, size = nodes.shape
 
     def rows(x: Array, *shape: int) -> Array:
         return np.broadcast_to(x, (K, *shape)).reshape(K, -1)
 
-    numbers = rows_of_numbers(tangent.machine, plant, model.friction.theta, start.memory, rows)
-    size = 2 * n + len(start.memory) * plant.parts
-    numbers[:, : 2 * n] = np.concatenate([start.q, start.w], axis=-1)
-    T = np.zeros((K, size, size + model.directions + motor.by.shape[1]))
-    T[:, range(size), range(size)] = 1.0
+    numbers = rows_of_numbers(tangent.machine, model.plant, model.friction.theta, (), rows)
+    numbers[:, :size] = nodes
     each = model.free.combinations
     free = model.free.joint, np.zeros((0, 0)) if each is None else each
 
@@ -43,9 +40,7 @@ def end_states_of(
         advance(rows, torque, dt, False)
 
     advance_in_pieces(advance, in_halves, motor, dt, parts)
-    q, w, memory = np.split(numbers[:, :size], [n, 2 * n], axis=-1)
-    entries = np.split(memory, len(start.memory), axis=-1) if start.memory else ()
-    return State(q, w, tuple(entries)), T
+    nodes[:] = numbers[:, :size]
 
 
 @compiled

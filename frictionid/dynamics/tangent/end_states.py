@@ -5,7 +5,6 @@ The motion is that of `step.substep`, nothing else; the derivatives follow the v
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,10 +13,10 @@ from frictionid.dynamics import step
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, torque_map
 
-from ..compiled.end_states import end_states_of
+from ..compiled.end_states import advance_compiled
 from ..compiled.loops import are_many
 from ..compiled.tangent import tangent_machine_of
-from ..state import Instant, State
+from ..state import Instant, State, state_of
 from ..torque_balance import constrained
 from .law_derivatives import FreeTheta, by_input, by_memory, by_theta, slopes
 from .tangent import (
@@ -38,46 +37,33 @@ from .tangent import (
 COMPILED = 64  # pieces of intervals of two joints: fewer are done before loops are compiled
 
 
-class EndStates(NamedTuple):
-    """States q, w (K, n) and memory at the end of K intervals, and their derivatives.
-
-    by_start (K, s, s) and by_parameters (K, s, D - s), of all s = 2 n + (entries
-    of the memory) m numbers of a state.
-    """
-
-    q: Array
-    w: Array
-    memory: Memory
-    by_start: Array
-    by_parameters: Array
-
-
 def end_states(
-    model: MotionModel, start: State, motor: MotorTorque, dt: Array, parts: int
-) -> EndStates:
-    """End states of intervals of length dt (K,) that start at states (K, n), with derivatives.
+    model: MotionModel, nodes: Array, motor: MotorTorque, dt: Array, parts: int
+) -> tuple[Array, Array]:
+    """Numbers (K, s) of the states dt (K,) after nodes (K, s), and their derivatives (K, s, D).
+
+    The first s directions are those of the nodes, see `tangent`.
 
     parts : of a piece, a power of two: at most so many substeps where a joint comes near rest;
         other pieces are one substep
     """
-    many = are_many(len(motor.u) * len(dt), COMPILED, start.q.shape[-1])
+    nodes, size = nodes.copy(), nodes.shape[1]
+    T = np.zeros((*nodes.shape, size + model.directions + motor.by.shape[1]))
+    T[:, range(size), range(size)] = 1.0
+    many = are_many(len(motor.u) * len(dt), COMPILED, model.plant.n)
     machine = tangent_machine_of(model) if many else None
     if machine is None:
-        state, T = _on_arrays(model, start, motor, dt, parts)
+        _advance_on_arrays(model, nodes, T, motor, dt, parts)
     else:
-        state, T = end_states_of(machine, model, start, motor, dt, parts)
-    size = T.shape[1]
-    return EndStates(state.q, state.w, state.memory, T[..., :size], T[..., size:])
+        advance_compiled(machine, model, nodes, T, motor, dt, parts)
+    return nodes, T
 
 
-def _on_arrays(
-    model: MotionModel, start: State, motor: MotorTorque, dt: Array, parts: int
-) -> tuple[State, Array]:
-    """End states (K, n), and their derivatives (K, s, D)."""
-    state = State(start.q.copy(), start.w.copy(), tuple(z.copy() for z in start.memory))
-    size = 2 * start.q.shape[-1] + sum(z.shape[-1] for z in start.memory)
-    T = np.zeros((len(dt), size, size + model.directions + motor.by.shape[1]))
-    T[:, range(size), range(size)] = 1.0
+def _advance_on_arrays(
+    model: MotionModel, nodes: Array, T: Array, motor: MotorTorque, dt: Array, parts: int
+) -> None:
+    """Advance states (K, s) and their derivatives T (K, s, D), in place."""
+    state = state_of(nodes, model.plant.mechanism)  # views
 
     def advance(rows: Array, torque: MotorTorque, dt: Array, may_halve: bool) -> Array:
         again = _too_long(model, state, rows, torque, dt) if may_halve else rows[:0]
@@ -90,7 +76,6 @@ def _on_arrays(
         return again
 
     advance_in_pieces(advance, partial(advance_in_halves, advance), motor, dt, parts)
-    return state, T
 
 
 def _arrays(state: State) -> tuple[Array, ...]:
@@ -225,17 +210,17 @@ def _displaced(
 
 
 def memory_after_sample(
-    model: MotionModel, end: EndStates, motor: MotorTorque, dt: Array
-) -> EndStates:
-    """End states after the sample, which the memory z takes in with the torque that follows.
+    model: MotionModel, nodes: Array, T: Array, motor: MotorTorque, dt: Array
+) -> tuple[Array, Array]:
+    """The same after the sample, which the memory z takes in with the torque that follows.
 
     z' = advance(theta, x, z),    dz' = dz'/dx dx + dz'/dz dz + dz'/dtheta dtheta
 
     dt : (K,) [s] since the sample before
     """
-    (K, n), count = end.q.shape, len(end.memory)
-    size = end.by_start.shape[1]
-    x = model.instant(State(end.q, end.w, end.memory), motor.u[0]).inputs
+    (K, size), n = nodes.shape, model.plant.n
+    end = state_of(nodes, model.plant.mechanism)
+    x = model.instant(end, motor.u[0]).inputs
     m = x.w.shape[-1]
     law, theta = model.friction.law, model.friction.theta
 
@@ -244,22 +229,18 @@ def memory_after_sample(
         later = law.advance(theta, x, memory, dt[:, None])
         return np.stack([np.broadcast_to(entry, (K, m)) for entry in later])
 
-    before = np.concatenate([end.by_start, end.by_parameters], axis=-1)
-    after = np.zeros((count, K, m, before.shape[-1]))
-    for slope, change in _by_inputs(
-        model, lambda x: advanced(theta, x, end.memory), x, before, motor
-    ):
+    after = np.zeros((len(end.memory), K, m, T.shape[-1]))
+    for slope, change in _by_inputs(model, lambda x: advanced(theta, x, end.memory), x, T, motor):
         after += slope[..., None] * change
     for e, slope in enumerate(by_memory(lambda z: advanced(theta, x, z), end.memory)):
-        after += slope[..., None] * before[:, 2 * n + e * m : 2 * n + (e + 1) * m]
+        after += slope[..., None] * T[:, 2 * n + e * m : 2 * n + (e + 1) * m]
     if not law.reads_window:
         slopes = by_theta(theta, model.free, lambda t: advanced(t, x, end.memory), None, 0.0 * x.w)
         free = model.free.of_parts(slopes, m)
         after[..., size : size + free.shape[-1]] += free
-    rows = np.moveaxis(after, 0, 1).reshape(K, count * m, -1)
-    both = np.concatenate([before[:, : 2 * n], rows], axis=1)
-    memory = tuple(advanced(theta, x, end.memory))
-    return EndStates(end.q, end.w, memory, both[..., :size], both[..., size:])
+    rows = np.moveaxis(after, 0, 1).reshape(K, size - 2 * n, -1)
+    nodes = np.concatenate([end.q, end.w, *advanced(theta, x, end.memory)], axis=-1)
+    return nodes, np.concatenate([T[:, : 2 * n], rows], axis=1)
 
 
 def _by_inputs(

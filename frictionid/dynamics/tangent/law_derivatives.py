@@ -293,8 +293,7 @@ class SmoothedLaw(WrappedLaw):
     @property
     def inner(self) -> Law:
         """The other law, with the smoothing that is asked for."""
-        same = self.width == self.law.width
-        return self.law if same else self.law.with_width(self.width)
+        return self.law.with_width(self.width)
 
 
 _ROOM = 4_000_000  # numbers of rows' own parameters at a time

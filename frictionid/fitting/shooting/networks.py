@@ -55,11 +55,8 @@ class CombinationLaw(SmoothedLaw):
         """The law's own numbers (..., n, P)."""
         return self.origin + (self.directions @ np.asarray(theta)[..., None])[..., 0]
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return self.inner.start(self.numbers(theta), x)
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self.inner.torque(self.numbers(theta), x, memory)
+    def given(self, theta: Array, x: Inputs) -> tuple[Array, Inputs]:
+        return self.numbers(theta), x
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         return self._combined(self.inner.gradient(self.numbers(theta), x))
@@ -71,12 +68,6 @@ class CombinationLaw(SmoothedLaw):
     def _combined(self, gradient: Array) -> Array:
         """Derivatives (K, n, r) in the combinations, of those (K, n, P) in the law's numbers."""
         return np.swapaxes(np.swapaxes(gradient, 0, 1) @ self.directions, 0, 1)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return self.inner.advance(self.numbers(theta), x, memory, dt)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self.inner.limit(self.numbers(theta), x, memory)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

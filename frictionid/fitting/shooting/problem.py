@@ -10,7 +10,6 @@ from frictionid.arrays import Array, inverse
 from frictionid.data.calibration import calibrated_dataset, calibrated_plant
 from frictionid.data.integrals import pieces_of
 from frictionid.data.signals import sample
-from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import halved, step_size_of
 from frictionid.dynamics.tangent.end_states import end_states, memory_after_sample
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads, reads_of
@@ -18,7 +17,7 @@ from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.friction.coordinates import at_places, of_last_joints
 from frictionid.friction.law import check_temperature
-from frictionid.mechanics import Mechanism, Plant
+from frictionid.mechanics import Plant
 
 from ..parameters.parameter_block import (
     Estimate,
@@ -113,24 +112,23 @@ class ShootingProblem:
         feedback = drive.loop and drive.loop.late
         model = self._model(estimate, plant)
         pieces = self._pieces(estimate, replace(plant, feedback=feedback), rows)
+        has_samples = estimate.friction.law.sample_time is not None
         for count in np.unique(pieces):
             alike = rows[pieces == count]
             size = len(alike) * nodes.shape[1] * (nodes.shape[1] + self.count)
             for part in np.array_split(alike, max(1, -(-size // NUMBERS))):
-                start = state_of(nodes[part], estimate.mechanism)
                 here = model._replace(plant=self._plant_at(estimate, plant, part, feedback))
                 motor = self._motor_torque(estimate, drive, part, int(count))
                 longest = float(intervals.dt[part].max()) / count
                 parts = halved(longest / self.settings.fine)
-                end = end_states(here, start, motor, intervals.dt[part], parts)
-                if start.memory and estimate.friction.law.sample_time is not None:
+                end, by = end_states(here, nodes[part], motor, intervals.dt[part], parts)
+                if has_samples:
                     after = self._following(part)
                     later = self._torque_between(estimate, drive, after, _WHOLE)
                     here = model._replace(plant=self._plant_at(estimate, plant, after, feedback))
-                    end = memory_after_sample(here, end, later, intervals.dt[part])
-                out.end[part] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
-                out.by_start[part] = end.by_start
-                by = self._by_parameters(end.by_parameters)
+                    end, by = memory_after_sample(here, end, by, later, intervals.dt[part])
+                out.end[part], out.by_start[part] = end, by[..., : nodes.shape[1]]
+                by = self._by_parameters(by[..., nodes.shape[1] :])
                 out.by[part, :, : by.shape[-1]] = by
         return out
 
@@ -305,13 +303,6 @@ def rounded_up(counts: Array) -> Array:
     """
     unit = 2.0 ** np.maximum(np.floor(np.log2(counts)) - 3, 0)
     return (np.ceil(counts / unit) * unit).astype(int)
-
-
-def state_of(nodes: Array, mechanism: Mechanism) -> State:
-    """The states in nodes (K, s), with entries (K, m) of the memory."""
-    n, m = mechanism.n, len(mechanism.friction_names)
-    memory = tuple(nodes[:, i : i + m] for i in range(2 * n, nodes.shape[1], m))
-    return State(nodes[:, :n], nodes[:, n : 2 * n], memory)
 
 
 def shooting_problem(

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.state import State
+from frictionid.dynamics.state import State, state_of
 from frictionid.dynamics.step_size import halved, step_size_of
 from frictionid.dynamics.tangent.end_states import end_states
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
@@ -16,7 +16,7 @@ from frictionid.friction.coordinates import at_places
 from frictionid.friction.wrapped import held
 from frictionid.mechanics import Plant
 
-from .problem import Linearisation, state_of
+from .problem import Linearisation
 from .sample_intervals import Intervals
 from .windows import (
     START_VELOCITY,
@@ -147,13 +147,11 @@ def _linearised(
         here = replace(plant[owner[rows]], feedback=loop)
         here = here.on_base(None if motion is None else motion[rows])
         model = MotionModel(here, friction[place[rows]], _NO_PARAMETER, (), reads)
-        start = state_of(nodes[rows], plant.mechanism)
         torque, by = u[:, rows], np.empty((len(u), 0, len(rows), n))
         motor = MotorTorque(torque, by, 0.0 * torque, by)
         with np.errstate(all="ignore"):
-            end = end_states(model, start, motor, intervals.dt[rows], parts)
-        out.end[rows] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
-        out.by_start[rows] = end.by_start
+            end = end_states(model, nodes[rows], motor, intervals.dt[rows], parts)
+        out.end[rows], out.by_start[rows] = end
     return out
 
 
