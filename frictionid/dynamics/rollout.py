@@ -10,14 +10,13 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
-from .compiled.loops import are_many, machine_of, rolled_out
+from .compiled.loops import RUNAWAY, are_many, machine_of, rolled_out
 from .state import Instant, State
 from .step import adaptive_step, euler_step, semi_implicit_step
 from .step_size import StepSize, step_size_of
 
 _ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
 MANY = 300  # samples of two joints: fewer are predicted before loops are compiled
-_RUNAWAY = 1e5  # times as fast as slow joints, they have diverged: they are frozen as NaN
 
 
 def rollout(
@@ -79,7 +78,7 @@ def rollout(
     many = many and method == "rk4" and base_motion is None
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
         counts = np.array(sizes, dtype=int)
-        return rolled_out(machine, plant, friction.theta, state, u, dt, counts, _RUNAWAY)
+        return rolled_out(machine, plant, friction.theta, state, u, dt, counts)
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         plant = plant if base_motion is None else plant.on_base(base_motion[k])
@@ -117,7 +116,7 @@ def ahead(now: Instant, dt: Array, size: StepSize, many: bool) -> State:
     if machine is None:
         return adaptive_step(now, dt[..., None], size)
     sizes = np.array([size])
-    end = rolled_out(machine, plant, friction.theta, state, u[None], dt[None], sizes, _RUNAWAY)
+    end = rolled_out(machine, plant, friction.theta, state, u[None], dt[None], sizes)
     return end._replace(q=end.q[1], w=end.w[1])
 
 
@@ -141,7 +140,7 @@ def diverged(plant: Plant, state: State) -> Array:
     """Rows (...) in which a joint is faster than any machine's, or no number."""
     xp = namespace(state.w)
     # a product, as sums over short last axes are slow
-    return ~(xp.abs(state.w) @ (1.0 / plant.slow_like(state.w)) < _RUNAWAY)
+    return ~(xp.abs(state.w) @ (1.0 / plant.slow_like(state.w)) < RUNAWAY)
 
 
 def _step_sizes(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[StepSize]:

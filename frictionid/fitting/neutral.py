@@ -236,10 +236,8 @@ class LocalCost(NamedTuple):
         """
         cost, held, dropped = self, list[Unknown](), list[Dropped]()
         while cost.parameters:
-            covariance = cost.covariance
-            curvature = cost.groups.H.sum(axis=0)
-            unknown = least_known(covariance, cost.friction, cost.blocks, curvature, tried)
-            block = None if unknown else least_significant(covariance, cost.blocks, level)
+            unknown = cost._least_known(tried)
+            block = None if unknown else least_significant(cost.covariance, cost.blocks, level)
             if block is not None:
                 dropped.append(block)
                 cost = cost._without_block(block.block)

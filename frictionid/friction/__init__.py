@@ -10,5 +10,5 @@ bam_files     parameter files of BAM as frictions
 """
 
 from .constraints import Constraints, DataRange, Groups, constraints_of, present
-from .friction import Friction, Nodes, along, along_own, memory_along, units_of
+from .friction import Friction, Nodes, along, along_own, memory_along, memory_at_nodes, units_of
 from .law import Inputs, Law, LawParameter, Memory, at_rest, joined

@@ -270,7 +270,8 @@ def along(friction: Friction, nodes: Nodes) -> Array:
     if relaxing is not None:
         return law.torque(theta, nodes.inputs, (relaxing,))
     xp = namespace(friction.theta, nodes.inputs.w)
-    each = [_torque_with_memory(friction, group) for group in _side_by_side(nodes, friction.theta)]
+    groups = _side_by_side(nodes, friction.theta)
+    each = [law.torque(theta, x.inputs, memory_at_nodes(friction, x)) for x in groups]
     return each[0] if len(each) == 1 else xp.concat(each, axis=-2)
 
 
@@ -315,7 +316,7 @@ def _stepped(law: Law, theta: Array, nodes: Nodes) -> list[Memory]:
     x, time = _take(nodes.inputs, index[::every]), nodes.time[index[::every]]
     memories = [law.start(theta, _take(x, 0))]
     newest = law.sample_time is not None or nodes.newest
-    between = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), newest)
+    between = _between(x, newest)
     rows = zip(*(repeat(None) if entry is None else entry for entry in between), strict=False)
     for row, dt in zip(rows, np.diff(time, axis=0)[..., None], strict=False):
         memories.append(law.advance(theta, Inputs._make(row), memories[-1], dt))
@@ -329,7 +330,7 @@ def _relaxing(friction: Friction, nodes: Nodes) -> Array | None:
         return None
     if not isinstance(x.w, np.ndarray):
         return None
-    middle = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), nodes.newest)
+    middle = _between(x, nodes.newest)
     dt = np.diff(nodes.time)[:, None]
     dt[nodes.first[1:-1] - 1] = 0.0  # from the end of a recording to the next
     relaxation = law.relaxation(theta, middle, dt)
@@ -348,16 +349,15 @@ def _torque_without_memory(friction: Friction, x: Inputs) -> Array:
     return namespace(parts[0]).concat(parts, axis=-2)
 
 
-def _torque_with_memory(friction: Friction, nodes: Nodes) -> Array:
-    """Torque (..., S, n) of a law whose memory advances step by step."""
-    law, theta = friction.law, friction.theta[..., None, :, :]
+def memory_at_nodes(friction: Friction, nodes: Nodes) -> Memory:
+    """Memory (..., S, n) at the nodes of all recordings."""
     xp = namespace(friction.theta, nodes.inputs.w)
     shape = (*friction.theta.shape[:-2], len(nodes.first) - 1, friction.n)
     whole = [
         [xp.broadcast_to(entry, shape) for entry in entries]
         for entries in zip(*memory_along(friction, nodes), strict=True)
     ]
-    return law.torque(theta, nodes.inputs, tuple(_unpad(xp, steps, nodes) for steps in whole))
+    return tuple(_unpad(xp, steps, nodes) for steps in whole)
 
 
 def _side_by_side(nodes: Nodes, theta: Array) -> Iterator[Nodes]:
@@ -382,8 +382,9 @@ def _take(x: Inputs, index: Any) -> Inputs:
     return x.each(lambda values: values[index])
 
 
-def _middle(a: Inputs, b: Inputs, newest: bool) -> Inputs:
-    return b if newest else a.each(lambda x, y: (x + y) / 2, b)
+def _between(x: Inputs, newest: bool) -> Inputs:
+    """Inputs of the steps between successive ones: their means, or the newest."""
+    return x.each(lambda v: v[1:] if newest else (v[:-1] + v[1:]) / 2)
 
 
 def _padded(nodes: Nodes) -> Array:

@@ -20,6 +20,7 @@ from ..torque_balance import SWEEPS, has_break_away
 from .row import EXTERNAL, NO_PROGRAM, Row, places_of, program_of
 
 INERTIAS = 100  # entries of M that are not zero: ten joints in a row compile in some 15 s
+RUNAWAY = 1e5  # times as fast as slow joints, motions have diverged: they are frozen as NaN
 LINES = 3000  # of a law's program, which take half a second to compile: two networks of 24 x 24
 
 
@@ -220,7 +221,6 @@ def rolled_out(
     u: Array,
     dt: Array,
     sizes: Array,
-    runaway: float,
 ) -> State:
     """Motion q, w (T + 1, ..., n) from start states (..., n), NaN after a divergence; last memory.
 
@@ -229,7 +229,6 @@ def rolled_out(
     plant, theta (..., n, P), u (T, ..., n), dt (T, ...)
         Their batch axes broadcast against those of the start, which has all of them.
     sizes : int array, shape (T, 2): pieces of each interval, and their most parts near rest
-    runaway : times as fast as slow joints, rows have diverged
     """
     batch, T, n = start.q.shape[:-1], len(u), plant.n
     count = math.prod(batch)
@@ -244,7 +243,7 @@ def rolled_out(
     driven = rows(np.moveaxis(u, 0, -2), T, n).reshape(count, T, n)
     each = rows(np.moveaxis(dt, 0, -1), T)
     numbers = rows_of_numbers(machine, plant, theta, start.memory, rows)
-    _rollout(machine, numbers, plant.slow_like(np.zeros(n)), *flat, driven, each, sizes, runaway)
+    _rollout(machine, numbers, plant.slow_like(np.zeros(n)), *flat, driven, each, sizes)
     first, parts = machine.at.memory, plant.parts
     last = (numbers[:, first + k * parts :][:, :parts] for k in range(len(start.memory)))
     return State(q, w, tuple(z.reshape(*batch, parts) for z in last))
@@ -282,7 +281,6 @@ def _rollout(
     u: Array,
     dt: Array,
     sizes: Array,
-    runaway: float,
 ) -> None:
     B, T, n = u.shape
     at, row, before = machine.at, np.zeros(machine.size), np.zeros(machine.head)
@@ -299,7 +297,7 @@ def _rollout(
                 total = 0.0
                 for j in range(n):
                     total += abs(row[at.w + j]) / slow[j]
-                alive = total < runaway
+                alive = total < RUNAWAY
             for j in range(n):
                 q[k + 1, b, j] = row[at.q + j] if alive else np.nan
                 w[k + 1, b, j] = row[at.w + j] if alive else np.nan

@@ -17,8 +17,8 @@ from scipy.special import stdtrit
 
 from frictionid.arrays import Array
 from frictionid.friction import Groups, Law
-from frictionid.friction.laws import Cogging, NoFriction, Ripple, Sum
-from frictionid.friction.laws.cogging import AUTO, waves
+from frictionid.friction.laws import NoFriction, Ripple, Sum
+from frictionid.friction.laws.cogging import AUTO, Periodic
 from frictionid.friction.laws.combined import CombinedLaw
 
 from ..one_step.balances import SHAPES
@@ -55,9 +55,9 @@ def by_evidence(
     return form, absent
 
 
-def auto_part(law: Law) -> Cogging | Ripple | None:
+def auto_part(law: Law) -> Periodic | None:
     """The law, or the part of it, whose harmonics are to be chosen."""
-    if isinstance(law, Cogging | Ripple):
+    if isinstance(law, Periodic):
         return law if law.harmonics == AUTO else None
     for part in law.parts if isinstance(law, CombinedLaw) else ():
         if (inner := auto_part(part)) is not None:
@@ -68,12 +68,13 @@ def auto_part(law: Law) -> Cogging | Ripple | None:
 def with_harmonics(law: Law, chosen: tuple[int, ...]) -> Law:
     """The law with harmonics in place of "auto"; without its periodic part where there are none.
 
-    >>> with_harmonics(Sum(("coulomb_viscous", Cogging("auto"))), (6, 12)).names
+    >>> auto = {"kind": "cogging", "harmonics": "auto"}
+    >>> with_harmonics(Sum(("coulomb_viscous", auto)), (6, 12)).names
     ('coulomb', 'viscous', 'cos_6', 'sin_6', 'cos_12', 'sin_12')
     >>> with_harmonics(Ripple(harmonics="auto"), ())
     CoulombViscous(width=0.02, shape='tanh', symmetric=True)
     """
-    if isinstance(law, Cogging | Ripple) and law.harmonics == AUTO:
+    if isinstance(law, Periodic) and law.harmonics == AUTO:
         none = law.inner if isinstance(law, Ripple) else NoFriction()
         return replace(law, harmonics=chosen) if chosen else none
     if not isinstance(law, CombinedLaw):
@@ -91,7 +92,7 @@ def with_harmonics(law: Law, chosen: tuple[int, ...]) -> Law:
     return replace(law, **changed)
 
 
-def harmonics(law: Cogging | Ripple, problem: Problem, weights: Array) -> Array:
+def harmonics(law: Periodic, problem: Problem, weights: Array) -> Array:
     """Whether the rows show each of the law's candidates k, (F, n, k), under weights (F, K)."""
     _, torque, weight = torques(problem)
     label = clusters(problem)
@@ -109,7 +110,7 @@ def harmonics(law: Cogging | Ripple, problem: Problem, weights: Array) -> Array:
     return out
 
 
-def _columns(law: Cogging | Ripple, problem: Problem, j: int) -> Array:
+def _columns(law: Periodic, problem: Problem, j: int) -> Array:
     """Columns (K, B + 2 k) of what there may be anyway, and of the candidates' waves."""
     x = problem.nodes.inputs
     q, w = x.q[:, j], x.w[:, j]
@@ -117,7 +118,7 @@ def _columns(law: Cogging | Ripple, problem: Problem, j: int) -> Array:
     slow = [sign * np.exp(-np.abs(w) / (share * fast)) for share in SHAPES]
     base = [np.ones_like(w), sign, w, w * np.abs(w), *slow, np.cos(q), np.sin(q)]
     by = sign if isinstance(law, Ripple) else np.ones_like(w)
-    each = np.stack([*base, *(by * wave for wave in waves(q, law.orders, law.gear))], axis=1)
+    each = np.stack([*base, *(by * wave for wave in law.waves(q))], axis=1)
     at = problem.stencil
     change = (w[at[:, -1]] - w[at[:, 0]]) / problem.dt
     return np.concatenate([change[:, None], problem.mean(each)], axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
-from frictionid.friction import Friction, Nodes, memory_along
+from frictionid.friction import Friction, Nodes, memory_at_nodes
 from frictionid.friction.laws.layers import count
 from frictionid.friction.laws.network_law import NetworkLaw
 
@@ -228,8 +228,4 @@ def window(law: NetworkLaw, theta: Array, nodes: Nodes) -> tuple[Array, ...]:
         return ()
     if not law.reads_window:
         raise InputError(f"{law}: networks with a memory of this kind cannot be trained")
-    sizes = np.diff(nodes.first)
-    recording = np.repeat(np.arange(len(sizes)), sizes)
-    at = np.arange(len(nodes.time)) - nodes.first[recording], recording
-    steps = memory_along(Friction(law, theta), nodes)
-    return tuple(np.stack(entry)[at] for entry in zip(*steps, strict=True))
+    return memory_at_nodes(Friction(law, theta), nodes)

@@ -48,21 +48,23 @@ class Linearised(NamedTuple):
 
     def decided(self, absent: Array) -> Linearised:
         """The same with optional terms decided: absent ones (F, n, P) are zero, others free."""
-        limits = self._limits
-        low, high = (np.where(absent, 0.0, x) for x in (limits.low, limits.high))
-        deviation = np.where(absent, np.inf, limits.deviation)
-        size = np.where([p.optional for p in self.law.parameters], np.inf, limits.size)
-        held = replace(limits, low=low, high=high, deviation=deviation, size=size)
-        return self._replace(constraints=held)
+        size = np.where([p.optional for p in self.law.parameters], np.inf, self._limits.size)
+        free = self._replace(constraints=replace(self._limits, size=size))
+        return free._holding(absent, 0.0)
 
     def without(self, joints: Array) -> Linearised:
         """The same with joints (F, n) without friction, or with as little as the bounds allow."""
-        limits, at = self._limits, joints[..., None]
+        limits = self._limits
         least = np.clip(0.0, limits.low, limits.high)
         neutral = self.law.neutral(least, limits.neutral)
         least = np.where(np.isfinite(limits.size), neutral, least)
-        low, high = (np.where(at, least, x) for x in (limits.low, limits.high))
-        deviation, size = (np.where(at, np.inf, x) for x in (limits.deviation, limits.size))
+        return self._holding(joints[..., None], least)
+
+    def _holding(self, which: Array, values: Array | float) -> Linearised:
+        """The same with some parameters (F, n, P) at these values, without a prior."""
+        limits = self._limits
+        low, high = (np.where(which, values, x) for x in (limits.low, limits.high))
+        deviation, size = (np.where(which, np.inf, x) for x in (limits.deviation, limits.size))
         held = replace(limits, low=low, high=high, deviation=deviation, size=size)
         return self._replace(constraints=held)
 

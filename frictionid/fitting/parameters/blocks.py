@@ -17,7 +17,7 @@ from frictionid.errors import InputError
 from frictionid.friction import DataRange, Friction, constraints_of, present
 from frictionid.mechanics import Mechanism, configurations
 
-from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, Values, check_fixed
+from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, check_fixed
 
 MOTOR = ("kt", "R")
 _UNITS = ("N m/A", "Ohm")
@@ -338,12 +338,5 @@ class ActuatorBlock(ParameterBlock):
         for name, unit, value in zip(MOTOR, _UNITS, values, strict=True):
             yield Parameter(self.name, name, unit, value, _LEAST * value)
 
-    def values(self, estimate: Estimate, free: Sequence[Parameter]) -> list[float]:
-        motor = self.numbers(estimate)
-        return [float(motor[MOTOR.index(p.name)]) for p in free]
-
-    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        motor = self.numbers(estimate).copy()
-        for parameter, value in values:
-            motor[MOTOR.index(parameter.name)] = value
-        return self.with_numbers(estimate, motor)
+    def places(self, parameter: Parameter) -> Sequence[int]:
+        return [MOTOR.index(parameter.name)]

@@ -7,7 +7,7 @@ free, and the standard deviation of its prior in between.
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -150,10 +150,14 @@ class ParameterBlock(ABC):
         """The numbers, free or not, among which `place` finds each parameter."""
         return np.asarray(getattr(estimate.calibration, self.part or self.name), dtype=float)
 
+    def places(self, parameter: Parameter) -> Sequence[Any]:
+        """Where the numbers have its value."""
+        return parameter.places
+
     def values(self, estimate: Estimate, free: Sequence[Parameter]) -> list[float]:
         """Values of the block's free parameters."""
         numbers = self.numbers(estimate)
-        return [float(numbers[p.place]) for p in free]
+        return [float(numbers[self.places(p)[0]]) for p in free]
 
     def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
         """The estimate with other numbers."""
@@ -164,7 +168,7 @@ class ParameterBlock(ABC):
         """The estimate with other values of the block's free parameters."""
         new = self.numbers(estimate).copy()
         for parameter, value in values:
-            for place in parameter.places:
+            for place in self.places(parameter):
                 new[place] = value
         return self.with_numbers(estimate, new)
 

@@ -14,7 +14,7 @@ from frictionid.dynamics.step_size import halved, step_size_of
 from frictionid.dynamics.tangent.end_states import end_states, memory_after_sample
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
-from frictionid.friction import Inputs, Nodes, memory_along
+from frictionid.friction import Inputs, Nodes, memory_at_nodes
 from frictionid.friction.coordinates import at_places, of_last_joints
 from frictionid.friction.law import check_temperature
 from frictionid.mechanics import Plant
@@ -151,9 +151,8 @@ class ShootingProblem:
         time, q, w = (np.concatenate(column) for column in zip(*motions, strict=True))
         x = Inputs(q - estimate.calibration.offset, w, u, 0.0 * w)
         x = at_places(dataset.mechanism, x)
-        steps = memory_along(friction, Nodes(x, time, first))
-        at = intervals.index, intervals.recording
-        return tuple(np.stack(entry)[at] for entry in zip(*steps, strict=True))
+        memory = memory_at_nodes(friction, Nodes(x, time, first))
+        return tuple(entry[first[intervals.recording] + intervals.index] for entry in memory)
 
     def _following(self, rows: Array) -> Array:
         """The intervals (k,) behind some, or these where none follows."""

@@ -72,11 +72,6 @@ class Intervals:
         """Number of joints."""
         return int(self.q.shape[1])
 
-    @property
-    def size(self) -> Array:
-        """Sizes (n,) of the joints, see `joint_scales`."""
-        return self.dataset.scales.size
-
     @cached_property
     def rounding(self) -> Array:
         """Noise (n,) of rounding to the smallest step of the angles: at rest they show no other."""

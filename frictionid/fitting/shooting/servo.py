@@ -117,10 +117,8 @@ def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Lo
     """The servos' feedback by the recorded motion in the middle of each interval."""
     n, middle = intervals.n, intervals.middle - calibration.delay
     feedback, (q, w) = np.zeros((len(middle), 2, n)), np.zeros((2, len(middle), n))
-    for group in intervals.servos:
-        rows, r = _rows(intervals, group)
-        servo = calibrated_servo(group.servo, calibration)
-        motion, then = ServoMotion.along(intervals, group, servo), middle[rows] - servo.delay
+    for group, servo, motion, rows, r in _groups(intervals, calibration):
+        then = middle[rows] - servo.delay
         within = np.clip(then, group.begin[r], group.end[r]) + group.later[r]
         seen, w[rows] = motion.at(within)
         q[rows] = seen + motion.play_at(within)
@@ -138,11 +136,8 @@ def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) 
     feedback : (K, 2, n), of each interval
     """
     signals = [recording.torque for recording in intervals.dataset.recordings]
-    for group in intervals.servos:
-        rows, r = _rows(intervals, group)
-        servo = calibrated_servo(group.servo, calibration)
+    for group, servo, motion, rows, r in _groups(intervals, calibration):
         edges = intervals.time[rows] - calibration.delay - servo.delay + group.later[r]
-        motion = ServoMotion.along(intervals, group, servo)
         torque = torque_signal(servo, motion, edges, feedback[rows])
         for m in group.members:
             ends = np.array([group.begin[m], group.end[m]]) + group.later[m] + servo.delay
@@ -154,10 +149,15 @@ def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) 
     return integrals_of(signals)
 
 
-def _rows(intervals: Intervals, group: ServoGroup) -> tuple[Array, Array]:
-    """Intervals (k,) of a group, and the recording (k,) of each."""
-    rows = np.flatnonzero(np.isfinite(group.later[intervals.recording]))
-    return rows, intervals.recording[rows]
+def _groups(
+    intervals: Intervals, calibration: Calibration
+) -> Iterator[tuple[ServoGroup, Servo, "ServoMotion", Array, Array]]:
+    """Groups with their servo and motion, their intervals (k,) and the recording (k,) of each."""
+    for group in intervals.servos:
+        rows = np.flatnonzero(np.isfinite(group.later[intervals.recording]))
+        servo = calibrated_servo(group.servo, calibration)
+        motion = ServoMotion.along(intervals, group, servo)
+        yield group, servo, motion, rows, intervals.recording[rows]
 
 
 def torque_signal(servo: Servo, motion: "ServoMotion", edges: Array, feedback: Array) -> Signal:

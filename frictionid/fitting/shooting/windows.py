@@ -108,7 +108,7 @@ def predict_windows(
     if (weight != 1.0).any():
         error, slope = error * weight, slope * weight[..., None]
     prediction = WindowPrediction(error, slope, share, moved, carried)
-    return _without_explosions(prediction, intervals.size)
+    return _without_explosions(prediction, intervals.dataset.scales.size)
 
 
 def _without_explosions(prediction: WindowPrediction, size: Array) -> WindowPrediction:

@@ -6,9 +6,9 @@ Magnets and teeth pull towards some angles [Holtz1996]. This is no friction: it 
 takes, and a joint at rest has it as well. Beside friction it is a part of a `sum`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, WrapValidator
 
@@ -33,34 +33,45 @@ else:
     Harmonics = Annotated[tuple[Count, ...], Field(min_length=1), WrapValidator(_or_auto)]
 
 
-def orders(harmonics: Harmonics, law: str) -> tuple[int, ...]:
-    """The harmonics themselves, which must differ; all candidates of "auto".
+class Periodic(Law):
+    """A law with waves of the angle, cos(k gear q) and sin(k gear q) of its harmonics k.
 
-    >>> orders((7, 14), "cogging")
-    (7, 14)
-    """
-    if harmonics == AUTO:
-        return CANDIDATES
-    if len(set(harmonics)) < len(harmonics):
-        raise InputError(f"{law}: harmonics = {list(harmonics)} must differ")
-    return tuple(map(int, harmonics))
-
-
-def waves(q: Array, harmonics: Sequence[int], gear: float) -> Iterator[Array]:
-    """cos(k gear q) and sin(k gear q) of each harmonic k.
+    called : its name in what is wrong
 
     >>> import numpy as np
-    >>> [float(wave[0]) for wave in waves(np.zeros(1), (1, 2), 6.0)]
+    >>> [float(wave[0]) for wave in Cogging((1, 2), 6.0).waves(np.zeros(1))]
     [1.0, 0.0, 1.0, 0.0]
     """
-    xp = namespace(q)
-    for k in harmonics:
-        yield xp.cos(k * gear * q)
-        yield xp.sin(k * gear * q)
+
+    harmonics: Harmonics
+    gear: float
+    called: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(set(self.orders)) < len(self.orders):
+            raise InputError(f"{self.called}: harmonics = {list(self.orders)} must differ")
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """The harmonics, all candidates of "auto"."""
+        return CANDIDATES if self.harmonics == AUTO else tuple(map(int, self.harmonics))
+
+    @property
+    def amplitudes(self) -> list[str]:
+        """Names of the waves' factors."""
+        return [f"{name}_{k}" for k in self.orders for name in ("cos", "sin")]
+
+    def waves(self, q: Array) -> Iterator[Array]:
+        """The waves (..., n) at angles."""
+        xp = namespace(q)
+        for k in self.orders:
+            yield xp.cos(k * self.gear * q)
+            yield xp.sin(k * self.gear * q)
 
 
 @dataclass(frozen=True)
-class Cogging(Law):
+class Cogging(Periodic):
     """Tf = sum_k cos_k cos(k gear q) + sin_k sin(k gear q), a motor's cogging torque.
 
     The amplitudes `cos` and `sin` of each harmonic k are torques, the same in both directions and
@@ -74,32 +85,20 @@ class Cogging(Law):
 
     harmonics: Harmonics = (1,)
     gear: Positive = 1.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        orders(self.harmonics, "cogging")
+    called = "cogging"
 
     @property
     def parameters(self) -> tuple[LawParameter, ...]:
-        names = (f"{name}_{k}" for k in self.orders for name in ("cos", "sin"))
-        endless = -float("inf")
+        endless, names = -float("inf"), self.amplitudes
         return tuple(LawParameter(x, "N m", endless, size=0.1, optional=True) for x in names)
 
-    @property
-    def orders(self) -> tuple[int, ...]:
-        """The harmonics, all candidates of "auto"."""
-        return orders(self.harmonics, "cogging")
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        terms = (theta[..., i] * wave for i, wave in enumerate(self._waves(x)))
+        terms = (theta[..., i] * wave for i, wave in enumerate(self.waves(x.q)))
         return sum(terms, start=0.0 * (theta[..., 0] + x.w))
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         none = 0.0 * (theta[..., 0] + x.w)
-        return namespace(theta, x.w).stack([wave + none for wave in self._waves(x)], axis=-1)
+        return namespace(theta, x.w).stack([wave + none for wave in self.waves(x.q)], axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return namespace(x.w).sign(x.w) * self.torque(theta, x, memory)
-
-    def _waves(self, x: Inputs) -> Iterator[Array]:
-        return waves(x.q, self.orders, self.gear)

@@ -6,7 +6,6 @@ Meshing teeth, a bent shaft and a bearing out of round press more at some angles
 [Armstrong1994].
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,14 +13,14 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Positive
 from frictionid.friction import Inputs, LawParameter, Memory
 
-from .cogging import Harmonics, orders, waves
+from .cogging import Harmonics, Periodic
 from .combined import CombinedLaw
 
 _MOST = 0.5
 
 
 @dataclass(frozen=True)
-class Ripple(CombinedLaw):
+class Ripple(Periodic, CombinedLaw):
     """A static law whose level varies with the angle, by `harmonics` of `gear` times the joint's.
 
     `base` is the law that it is laid over, "coulomb_viscous" or "stribeck", also as a table with
@@ -39,22 +38,14 @@ class Ripple(CombinedLaw):
     shape: str = "tanh"
     made_of = ("base",)
     kinds = ("coulomb_viscous", "stribeck")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        orders(self.harmonics, "Ripple")
-
-    @property
-    def orders(self) -> tuple[int, ...]:
-        """The harmonics, all candidates of "auto"."""
-        return orders(self.harmonics, "Ripple")
+    called = "Ripple"
 
     @property
     def parameters(self) -> tuple[LawParameter, ...]:
-        waves = (f"{name}_{k}" for k in self.orders for name in ("cos", "sin"))
+        names = self.amplitudes
         return (
             *self.inner.parameters,
-            *(LawParameter(name, "1", -_MOST, _MOST, size=0.3, optional=True) for name in waves),
+            *(LawParameter(name, "1", -_MOST, _MOST, size=0.3, optional=True) for name in names),
         )
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
@@ -69,7 +60,7 @@ class Ripple(CombinedLaw):
         columns = [height * of_law[..., i] for i in range(numbers.shape[-1] - 1)]
         xp = namespace(theta, x.w)
         rubbing = xp.where(height > 0.0, level, 0.0 * level)
-        columns += [of_law[..., -1] + 0.0 * level, *(rubbing * wave for wave in self._waves(x))]
+        columns += [of_law[..., -1] + 0.0 * level, *(rubbing * wave for wave in self.waves(x.q))]
         return xp.stack(columns, axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
@@ -86,12 +77,9 @@ class Ripple(CombinedLaw):
         viscous = numbers[..., -1] * x.w
         return self.inner.torque(numbers, x, ()) - viscous, viscous
 
-    def _waves(self, x: Inputs) -> Iterator[Array]:
-        return waves(x.q, self.orders, self.gear)
-
     def _height(self, theta: Array, x: Inputs) -> Array:
         """Level at this angle over its mean, >= 0."""
         _, amplitudes = self._split(theta)
-        ripple: Any = sum(amplitudes[..., i] * wave for i, wave in enumerate(self._waves(x)))
+        ripple: Any = sum(amplitudes[..., i] * wave for i, wave in enumerate(self.waves(x.q)))
         height: Any = 1.0 + ripple
         return namespace(height).maximum(height, 0.0 * height)
