@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from fixtures.memory_laws import Sampled, SampledFollower
+from fixtures.memory_laws import FILM, STRIBECK, Sampled, SampledFollower
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
@@ -19,7 +19,6 @@ from frictionid.dynamics.step_size import StepSize
 from frictionid.friction import Friction, Inputs, Nodes, at_rest, memory_along
 from frictionid.friction.laws import (
     CoulombViscous,
-    FilmLag,
     NoFriction,
     Stribeck,
 )
@@ -31,8 +30,6 @@ from frictionid.simulate.true_friction import Stribeck as Truth
 
 METHODS = ("rk4", "euler", "semi_implicit")
 PLANT = Plant.from_parameters(double_pendulum(), {})
-STRIBECK = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]]))
-FILM = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0.7, 0.01, 0.1]]))
 SAMPLED = Friction(Sampled(), np.array([[0.02], [0.01]]))
 FRICTIONS = {"stribeck": STRIBECK, "film lag": FILM, "sampled": SAMPLED}
 T = 16

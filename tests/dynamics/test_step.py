@@ -63,9 +63,17 @@ CASES = {
 DURATION = 0.3
 
 
+def integrated(rate, begin, duration):
+    """State after the duration, by an integrator of order eight with tolerance 1e-12."""
+    return solve_ivp(rate, (0, duration), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+
+
+def order_of(counts, errors):
+    return -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+
+
 @cache
 def reference(name):
-    """State after the duration, by an integrator of order eight with tolerance 1e-12."""
     case = CASES[name]
     n = case.plant.n
 
@@ -76,8 +84,7 @@ def reference(name):
         Tf = case.friction.torque(at_rest(w))
         return np.concatenate([w, np.linalg.solve(M, h + driven - Tf)])
 
-    begin = np.array([*case.q, *case.w])
-    return solve_ivp(rate, (0, DURATION), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    return integrated(rate, [*case.q, *case.w], DURATION)
 
 
 def advanced(case, count):
@@ -90,8 +97,7 @@ def advanced(case, count):
 def test_the_error_falls_with_the_order_of_the_method(name):
     exact, counts = reference(name), (16, 32, 64, 128)
     errors = [np.abs(advanced(CASES[name], c) - exact).max() for c in counts]
-    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    assert slope == pytest.approx(4, abs=0.25)
+    assert order_of(counts, errors) == pytest.approx(4, abs=0.25)
     assert_allclose(advanced(CASES[name], 400), exact, rtol=0, atol=1e-8)
 
 
@@ -141,8 +147,7 @@ def lagging_reference(plant, friction, q, w, u, duration):
         a = np.linalg.solve(M, h + u - law.torque(theta, at_rest(w), (z,)))
         return np.concatenate([w, a, (np.abs(w) - z) / theta[:, 4]])
 
-    begin = np.concatenate([q, w, np.zeros(n)])
-    return solve_ivp(rate, (0, duration), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    return integrated(rate, [*q, *w, *np.zeros(n)], duration)
 
 
 def test_memory_makes_the_step_one_of_second_order():
@@ -155,8 +160,7 @@ def test_memory_makes_the_step_one_of_second_order():
     for count in counts:
         end = step(plant, friction, State(q, w, (np.zeros(2),)), u, np.array([0.2]), count)
         errors.append(np.abs(np.concatenate([end.q, end.w, end.memory[0]]) - exact).max())
-    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    assert slope == pytest.approx(2, abs=0.2)
+    assert order_of(counts, errors) == pytest.approx(2, abs=0.2)
     assert errors[-1] < 2e-4
 
 

@@ -9,6 +9,7 @@ from fixtures.exact_problems import everything, explained_by
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
+from test_sandwich import of_rows
 
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
@@ -166,11 +167,8 @@ def groups_of(seed, copies):
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((12, 30, 2))
     y = A @ [1.0, 0.5] + rng.standard_normal((12, 30))
-    H = copies * np.einsum("wri,wrj->wij", A, A)
-    g = copies * np.einsum("wri,wr->wi", A, y)
-    labels = np.arange(12)
-    move = np.linalg.solve(H.sum(axis=0), g.sum(axis=0))
-    return Groups(H, g, move, np.ones(2, dtype=bool), labels, labels)
+    groups = of_rows(A, y, np.arange(12))
+    return groups._replace(H=copies * groups.H, g=copies * groups.g)
 
 
 def test_a_prior_weighs_the_same_however_often_a_sample_is_counted():

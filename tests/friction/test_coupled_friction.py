@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.exact_problems import everything
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -40,12 +41,16 @@ def test_the_rotor_of_a_coupled_motor_adds_to_all_its_joints(dataset):
 
 def test_one_step_finds_the_friction_of_all_four(dataset):
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL, 0.01)
-    found = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), 0)[0]
+    found = LeastSquares(CoulombViscous()).fit(problem, everything(problem), 0)[0]
     assert_allclose(found.theta, TRUE, rtol=0.03)
 
 
-def test_inverse_dynamics_finds_the_friction_of_all_four(dataset):
-    balance = torque_balance(dataset, states_of(dataset, INTEGRAL.states, None), 0.05, 0.004)
+@pytest.fixture(scope="module")
+def balance(dataset):
+    return torque_balance(dataset, states_of(dataset, INTEGRAL.states, None), 0.05, 0.004)
+
+
+def test_inverse_dynamics_finds_the_friction_of_all_four(balance):
     blocks = (FrictionBlock(), BiasBlock())
     found = fit_torques(LeastSquares(CoulombViscous()), balance, blocks, TorqueSettings())
     assert_allclose(np.asarray(found.friction.theta), TRUE, rtol=0.02)
@@ -53,8 +58,7 @@ def test_inverse_dynamics_finds_the_friction_of_all_four(dataset):
     assert names[-2:] == ["coulomb of turner", "viscous of turner"]
 
 
-def test_no_speed_is_resolved_that_is_slower_than_the_windows_in_use(dataset):
-    balance = torque_balance(dataset, states_of(dataset, INTEGRAL.states, None), 0.05, 0.004)
+def test_no_speed_is_resolved_that_is_slower_than_the_windows_in_use(balance):
     least = np.abs(balance.nodes.inputs.w[balance.stencil]).min(axis=1)
     fast = (least > 0.4).all(axis=1)
     assert 20 < fast.sum() < len(fast) / 2 and (balance.slowest < 0.3).all()

@@ -2,26 +2,20 @@
 
 import numpy as np
 import pytest
-from fixtures.memory_laws import Follower, Sampled
+from fixtures.memory_laws import FILM, STRIBECK, Follower, Sampled
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.friction import Friction, Inputs, Nodes, along, memory_along
-from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction, Stribeck
+from frictionid.friction.laws import CoulombViscous, NoFriction
 from frictionid.friction.provenance import Estimate, Estimates
 
-# one row per joint; the joints differ, so that mixed-up joints show
-STATIC = {
-    "none": (NoFriction(), np.zeros((2, 0))),
-    "stribeck": (Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]])),
-}
-FILM = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0.7, 0.01, 0.1]]))
+NONE = Friction(NoFriction(), np.zeros((2, 0)))
 SAMPLED = Friction(Sampled(), np.array([[0.2], [0.1]]))
 
 
-@pytest.fixture(params=[*STATIC, "film lag", "sampled"])
+@pytest.fixture(params=[NONE, STRIBECK, FILM, SAMPLED], ids=lambda f: type(f.law).__name__)
 def friction(request):
-    remembering = {"film lag": FILM, "sampled": SAMPLED}
-    return remembering.get(request.param) or Friction(*STATIC[request.param])
+    return request.param
 
 
 def drawn(rng, shape=(40,)):
@@ -63,8 +57,8 @@ def test_curve_is_the_torque_of_settled_motion():
 
 
 def test_friction_prints_its_numbers_with_units():
-    assert str(Friction(*STATIC["none"])) == "NoFriction()"
-    lines = str(Friction(*STATIC["stribeck"])).splitlines()
+    assert str(NONE) == "NoFriction()"
+    lines = str(STRIBECK).splitlines()
     assert lines[0] == "Stribeck(width=0.02, shape='tanh', symmetric=True)"
     assert lines[2] == (
         "  joint 2  coulomb 0.05 N m, peak 0.04 N m, stribeck_velocity 0.7 rad/s, "
@@ -143,9 +137,8 @@ def test_memory_along_keeps_recordings_side_by_side():
 
 
 def test_joints_have_the_names_of_the_fit():
-    friction = Friction(*STATIC["stribeck"])
     found = Estimate("friction", "viscous of elbow", "N m s/rad", 1, 0.01)
-    fitted = friction.noted({"refined": Estimates(parameters=(found,))})
+    fitted = STRIBECK.noted({"refined": Estimates(parameters=(found,))})
     named = fitted.noted({"joints": ("hip", "knee")})
     names = [x.joints for x in (friction, fitted, named)]
     assert names == [("joint 1", "joint 2"), ("joint 1", "elbow"), ("hip", "knee")]

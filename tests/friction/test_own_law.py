@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
+from fixtures.exact_problems import everything
 from fixtures.paths import ROOT
 from numpy.testing import assert_array_equal
 
@@ -56,7 +57,7 @@ def test_rollouts_through_stops_and_break_away_are_the_same(own, built_in):
 def test_fits_are_the_same(own, built_in):
     dataset = tiny.dataset()
     problem = problem_of(dataset, plant_of(dataset), INTEGRAL)
-    weights = np.ones((1, len(problem.r)))
+    weights = everything(problem)
     ours, theirs = (LeastSquares(law()).fit(problem, weights, 0) for law in (own, built_in))
     assert_array_equal(ours.theta, theirs.theta)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from fixtures.exact_problems import cost, everything, explained_by
-from fixtures.learned_laws import costs_of_rows, drawn
+from fixtures.learned_laws import assert_slopes_in_memory, costs_of_rows, drawn
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -84,16 +84,10 @@ def test_beyond_its_reach_the_level_goes_on_nearly_straight():
 
 
 def test_other_joints_count_when_they_are_asked_for():
-    theta = wide(MLP((4,), others=1))
-    here, there = (
-        MLP((4,), others=1).torque(theta, at_rest(np.array(w)), ())
-        for w in ([1.0, 2.0], [1.0, -2.0])
-    )
-    assert (np.abs(here - there)[:, 0] > 1e-6).all()
-    alone = MLP((4,))
-    theta = wide(alone)
-    here, there = (alone.torque(theta, at_rest(np.array(w)), ()) for w in ([1.0, 2.0], [1.0, -2.0]))
-    assert_array_equal(here[:, 0], there[:, 0])
+    for law in (MLP((4,), others=1), MLP((4,))):
+        w = np.array([[[1.0, 2.0]], [[1.0, -2.0]]])
+        here, there = law.torque(wide(law), at_rest(w), ())[..., 0]
+        assert (np.abs(here - there) > 1e-6).all() if law.others else (here == there).all()
 
 
 def test_it_finds_a_curve_that_is_none_of_its_own():
@@ -201,10 +195,7 @@ def test_its_slopes_are_those_of_differences(odd, presliding):
     for k, step in enumerate(1e-6 * np.eye(theta.shape[1])):
         rise = law.torque(theta + step, x, memory) - law.torque(theta - step, x, memory)
         assert_allclose(by_theta[..., k], rise / 2e-6, atol=1e-8)
-    for i, entry in enumerate(memory):
-        more, less = ((*memory[:i], entry + s, *memory[i + 1 :]) for s in (1e-7, -1e-7))
-        rise = law.torque(theta, x, more) - law.torque(theta, x, less)
-        assert_allclose(by_memory[i], rise / 2e-7, atol=1e-6, rtol=1e-4)
+    assert_slopes_in_memory(law, theta, x, memory, by_memory, 1e-7, atol=1e-6, rtol=1e-4)
 
 
 @pytest.mark.parametrize("odd", [False, True])

@@ -179,7 +179,7 @@ def dataset(waves=(), seed=0, gear=1, **rig):
 
 def chosen(data, law):
     problem = training_problem(data, plant_of(data), INTEGRAL)
-    has = harmonics(law, problem, np.ones((1, len(problem.r))))[0, 0]
+    has = harmonics(law, problem, everything(problem))[0, 0]
     return tuple(np.array(law.orders)[has].tolist())
 
 

@@ -5,6 +5,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from fixtures.memory_laws import FILM as LAG
+from fixtures.memory_laws import STRIBECK as SHARP
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
@@ -29,7 +31,7 @@ from frictionid.fitting.one_step.torque_outliers import (
     without_torque_outliers,
 )
 from frictionid.friction import Friction, along, at_rest, memory_along
-from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
+from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot, double_pendulum
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
@@ -37,8 +39,6 @@ from frictionid.simulate import Stribeck as TrueStribeck
 MACHINE = double_pendulum()
 PROBLEMS = {name: partial(one_step_problem, name) for name in ("euler", "integral")}
 SMOOTH = Friction(CoulombViscous(width=4.0), np.array([[0.1, 0.02], [0.05, 0.01]]))
-SHARP = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]]))
-LAG = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0.7, 0.01, 0.1]]))
 
 
 def plants(count, **parameters):

@@ -172,7 +172,7 @@ def test_more_rows_need_little_more_memory(monkeypatch):
     short = synthetic_problem(1)
     for count in (25, 50):
         problem = short.of_rows(np.tile(np.arange(len(short.r)), count))
-        weights = np.ones((1, len(problem.r)))
+        weights = everything(problem)
         tracemalloc.start()
         LeastSquares(Stribeck()).fit(problem, weights, seed=0)
         peaks.append(tracemalloc.get_traced_memory()[1])

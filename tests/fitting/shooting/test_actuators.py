@@ -70,13 +70,9 @@ def test_without_the_backlash_the_fit_says_that_it_would_show():
 def test_a_gain_set_that_was_held_out_is_predicted_as_well_as_those_that_were_fitted(loose):
     fit, _ = loose
     other = dataset(LOOSE, {"other": (6.0, 0.1)}, runs=1, seconds=6.0)
-
-    def error(data):
-        runs = fit.predict(data, whole=True)
-        return float(np.sqrt(np.mean((runs["q1"] - runs["measured_q1"]) ** 2)))
-
-    held_out = error(other)
-    assert held_out < 1.5 * error(dataset(LOOSE, runs=1)) and held_out < np.radians(0.5)
+    held_out = free_run_error(fit, other)
+    usual = free_run_error(fit, dataset(LOOSE, runs=1))
+    assert held_out < 1.5 * usual and held_out < np.radians(0.5)
 
 
 @pytest.mark.parametrize(("late", "gains"), [(0.002, STIFF), (0.012, SOFT)])
@@ -95,15 +91,19 @@ def test_a_late_target_that_is_taken_for_a_late_torque_is_not_found():
     assert found["friction", "viscous"] > 0.3 * rig.coulomb
 
 
+def assert_found(rig, found, rel=0.05):
+    coulomb, viscous, delay = found
+    assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
+    assert viscous == pytest.approx(rig.viscous, rel=rel)
+    assert delay == pytest.approx(rig.delay, abs=1e-3)
+
+
 def test_a_limit_of_the_torque_is_kept():
     rig = ServoPendulum(limit=0.8)
     data = dataset(rig, STIFF, seconds=6.0, limit=0.8)
     torque = data.recordings[0].torque.value
     assert np.mean(np.abs(torque) == 0.8) > 0.03
-    coulomb, viscous, delay = found_of(data)
-    assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
-    assert viscous == pytest.approx(rig.viscous, rel=0.1)
-    assert delay == pytest.approx(rig.delay, abs=1e-3)
+    assert_found(rig, found_of(data), rel=0.1)
 
 
 def test_a_one_step_fit_says_that_it_takes_targets_as_logged():
@@ -190,10 +190,7 @@ def test_all_outputs_of_a_controller_lead_to_the_same_friction(actuator):
     log = log.assign(rate=0.7 * np.cos(3 * log["t"]), more=0.05 * np.sin(log["t"]))
     if "feedforward" in actuator:
         log["target"] -= (K * K / R * log["rate"] + log["more"]) / 5.0
-    coulomb, viscous, delay = found_of(by_controller(rig, {"a": log}, **actuator), "target_delay")
-    assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
-    assert viscous == pytest.approx(rig.viscous, rel=0.05)
-    assert delay == pytest.approx(rig.delay, abs=1e-3)
+    assert_found(rig, found_of(by_controller(rig, {"a": log}, **actuator), "target_delay"))
 
 
 def test_what_another_fit_found_of_the_servo_is_held(loose):

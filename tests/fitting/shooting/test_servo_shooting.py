@@ -200,9 +200,14 @@ def feedback(B):
     return np.stack([0.0 * B, B], axis=1)
 
 
+def moving(recordings):
+    angle = recordings[0].angle
+    rate = np.gradient(angle.value, angle.time, axis=0)
+    return recordings[0].servo, angle, angle.time, rate
+
+
 def test_voltage_falls_at_once_where_the_motor_is_switched_off():
-    servo, angle = dropped()[0].servo, dropped()[0].angle
-    time, rate = angle.time, np.gradient(angle.value, angle.time, axis=0)
+    servo, angle, time, rate = moving(dropped())
     emf = KT**2 / R * servo.connected((time[1:] + time[:-1]) / 2)
     motion = ServoMotion(angle, Signal(time, rate))
     torque = torque_signal(servo.with_motor(KT, R), motion, time[:-1], feedback(emf))
@@ -221,8 +226,7 @@ def test_voltage_falls_at_once_where_the_motor_is_switched_off():
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_the_part_that_follows_velocity_changes_at_once_up_and_down(way):
-    servo, angle = driven()[0].servo, driven()[0].angle
-    time, rate = angle.time, np.gradient(angle.value, angle.time, axis=0)
+    servo, angle, time, rate = moving(driven())
     middle = len(time) // 2
     B = np.where(np.arange(len(time) - 1) < middle, 0.5 - 0.1 * way, 0.5 + 0.1 * way)[:, None]
     motion = ServoMotion(angle, Signal(time, rate + 1.0))

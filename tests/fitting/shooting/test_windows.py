@@ -240,6 +240,15 @@ def test_every_iteration_is_heard_once():
     assert_array_equal(unheard.friction.theta, result.friction.theta)
 
 
+def refined(settings=None):
+    return refine(START, dataset(), (FrictionBlock(),), settings)
+
+
+def assert_ends_at(fit, other):
+    off = np.abs(fit.covariance.values - other.covariance.values) / other.covariance.error
+    assert fit.diagnostics.settled and off.max() < 0.1
+
+
 def steep_at(calls, monkeypatch):
     """Let the physics step refuse some of the linearisations, by their numbers."""
     count, linearised_at = [0], gauss_newton.linearised_at
@@ -254,12 +263,11 @@ def steep_at(calls, monkeypatch):
 
 
 def test_steps_into_friction_too_steep_are_taken_back_and_the_fit_ends_where_it_would(monkeypatch):
-    free = refine(START, dataset(), (FrictionBlock(),), Settings())
+    free = refined()
     steep_at({2, 3}, monkeypatch)
-    damped = refine(START, dataset(), (FrictionBlock(),), Settings())
-    off = np.abs(damped.covariance.values - free.covariance.values) / free.covariance.error
-    assert free.diagnostics.settled and damped.diagnostics.settled
-    assert off.max() < 0.1
+    damped = refined()
+    assert free.diagnostics.settled
+    assert_ends_at(damped, free)
 
 
 def test_steps_that_tear_closed_gaps_open_are_taken_back(monkeypatch):
@@ -281,7 +289,7 @@ def test_steps_that_tear_closed_gaps_open_are_taken_back(monkeypatch):
 
     monkeypatch.setattr(gauss_newton, "_next_step", heard)
     monkeypatch.setattr(gauss_newton, "linearised_at", torn_open)
-    assert refine(START, dataset(), (FrictionBlock(),), Settings()).diagnostics.settled
+    assert refined().diagnostics.settled
     (_, before, _), (_, after, damping) = begun[torn[0] - 1 : torn[0] + 1]
     assert after is before and damping >= 1e-3
 
@@ -290,14 +298,14 @@ def test_a_start_too_steep_and_steps_that_no_damping_helps_are_refused(monkeypat
     for calls in ({1, 2}, set(range(2, 40))):  # the start with windows of both lengths
         with monkeypatch.context() as patch, pytest.raises(NoFitError, match="steep"):
             steep_at(calls, patch)
-            refine(START, dataset(), (FrictionBlock(),), Settings())
+            refined()
 
 
 def test_where_no_window_is_predicted_longer_ones_are_taken_unless_their_length_was_given(
     monkeypatch,
 ):
     longer = Settings(windows=(0.25, 0.5, 1.0))
-    free, solve = refine(START, dataset(), (FrictionBlock(),), longer), stages.solve
+    free, solve = refined(longer), stages.solve
 
     def astray(problem, *others):
         if problem.settings.windows[-1] < 0.9:
@@ -305,11 +313,10 @@ def test_where_no_window_is_predicted_longer_ones_are_taken_unless_their_length_
         return solve(problem, *others)
 
     monkeypatch.setattr(stages, "solve", astray)
-    found = refine(START, dataset(), (FrictionBlock(),), Settings())
-    off = np.abs(found.covariance.values - free.covariance.values) / free.covariance.error
-    assert found.diagnostics.settled and off.max() < 0.1
+    found = refined()
+    assert_ends_at(found, free)
     with pytest.raises(NoFitError, match="astray"):
-        refine(START, dataset(), (FrictionBlock(),), Settings(windows=(0.1, 0.2)))
+        refined(Settings(windows=(0.1, 0.2)))
 
 
 def test_an_encoder_that_rests_most_of_the_time_does_not_make_its_steps_the_noise():

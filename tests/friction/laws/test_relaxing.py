@@ -111,20 +111,24 @@ def drawn(rng, count=4000):
     return theta, w, theta[..., 4] * rng.uniform(-1.5, 1.5, (count, 1))
 
 
-def taken(theta, w, z, torque):
-    """Power that friction takes beyond what its bristles store [W], over what goes in and out."""
+def bristles(theta, w, z):
+    """Stiffness, and the rate at which bristles bend."""
     stiffness = (theta[..., 0] + theta[..., 1]) / theta[..., 4]
     level = theta[..., 0] + theta[..., 1] * np.exp(-((w / theta[..., 2]) ** 2))
-    stored = stiffness * z * (w - stiffness * np.abs(w) * z / level)
+    return stiffness, w - stiffness * np.abs(w) * z / level
+
+
+def taken(theta, w, z, torque):
+    """Power that friction takes beyond what its bristles store [W], over what goes in and out."""
+    stiffness, bending = bristles(theta, w, z)
+    stored = stiffness * z * bending
     return (w * torque - stored) / (np.abs(w * torque) + np.abs(stored) + 1e-300)
 
 
 def test_lugre_friction_is_passive_with_the_energy_of_its_bristles_whatever_its_parameters():
     theta, w, z = drawn(np.random.default_rng(0))
     assert taken(theta, w, z, LuGre().torque(theta, at_rest(w), (z,))).min() > -1e-9
-    level = theta[..., 0] + theta[..., 1] * np.exp(-((w / theta[..., 2]) ** 2))
-    stiffness = (theta[..., 0] + theta[..., 1]) / theta[..., 4]
-    bending = w - stiffness * np.abs(w) * z / level
+    stiffness, bending = bristles(theta, w, z)
     constant = stiffness * z + theta[..., 5] * bending + theta[..., 3] * w
     assert taken(theta, w, z, constant).min() < -0.1  # the law as it is often written
 

@@ -77,12 +77,16 @@ def test_a_warm_up_gives_the_truth_and_the_temperatures_effect(seed, method):
     assert without["viscous"] < 0.75 * TRUTH["viscous"]
 
 
+def mean_error(table):
+    return float((table.q1 - table.measured_q1).abs().mean())
+
+
 def test_predictions_follow_the_temperature():
     data, unseen = dataset(frames(1)), dataset({"run": frames(9, 12.0)["run 0"]})
     warm, plain = (fid.fit(data, law, method="one_step") for law in ("thermal", "coulomb_viscous"))
     assert median_error(warm, unseen) < median_error(plain, unseen) / 4
     tables = [fit.predict(unseen, whole=True) for fit in (warm, plain)]
-    own, other = (float((table.q1 - table.measured_q1).abs().mean()) for table in tables)
+    own, other = map(mean_error, tables)
     assert own < other / 4
 
 
@@ -97,7 +101,7 @@ def test_a_servo_without_a_torque_log_is_followed_too():
         fid.predict(friction, data, whole=True)
         for friction in (truth, truth.at_temperature(15.0), truth.at_temperature(50.0))
     ]
-    own, *others = (float((table.q1 - table.measured_q1).abs().mean()) for table in tables)
+    own, *others = map(mean_error, tables)
     assert own < 5e-4
     assert min(others) > 4 * own
 
