@@ -81,66 +81,6 @@ def sentences_of(held: Sequence[Unknown]) -> tuple[str, ...]:
     return (*others, f"{names} are not identified by these data, and stay as they were.")
 
 
-def least_known(
-    covariance: Covariance,
-    friction: Friction,
-    blocks: Sequence[ParameterBlock],
-    curvature: Array,
-    tried: Sequence[Key],
-) -> Unknown | None:
-    """The parameter that the data tell least, None if they tell all.
-
-    Base parameters only where they are offered: asked for, they are free. Without those that were
-    tried before.
-
-    curvature : (D, D), normal matrix of the fit
-    """
-    if friction.constraints is None:
-        return None
-    information = np.diag(curvature)
-    blind = information <= _BLIND * information.max(initial=0.0)
-    variance = np.diag(solve_scaled(curvature, np.eye(len(curvature))))
-    ratio = np.diag(covariance.matrix) / np.maximum(variance, 1e-300)
-    usual = float(np.median(ratio[np.isfinite(ratio)])) if np.isfinite(ratio).any() else 1.0
-    worst: tuple[float, Unknown] | None = None
-    for k, (neutral, size) in _neutral_values(covariance.parameters, friction, blocks).items():
-        p = covariance.parameters[k]
-        if p.key in tried or (covariance.bound[k] and not blind[k]):
-            continue
-        error, off = float(covariance.error[k]), abs(float(covariance.values[k]) - neutral)
-        plausible = p.block != "friction" or off <= _FAR * size
-        if off == 0.0 or (plausible and error <= max(KNOWN * size, off / 2.0)):
-            continue
-        excess = max(float(ratio[k]) if np.isfinite(ratio[k]) else usual, 1.0)
-        if worst is None or error / size > worst[0]:
-            worst = error / size, Unknown(p, neutral, size, excess, off / size)
-    return None if worst is None else worst[1]
-
-
-def _neutral_values(
-    parameters: Sequence[Parameter], friction: Friction, blocks: Sequence[ParameterBlock]
-) -> dict[int, tuple[float, float]]:
-    """Neutral value and size of the parameters that have them, by their place among D."""
-    out, limits = {}, friction.constraints
-    assert limits is not None
-    neutral = friction.law.neutral(np.asarray(friction.theta), limits.neutral)
-    free = {place for p in parameters if p.block == "friction" for place in p.places}
-    for k, p in enumerate(parameters):
-        if p.block != "friction" or not np.isfinite(p.size):
-            continue
-        like = friction.law.parameters[p.place[1]].like
-        # what others follow does not follow them
-        if like not in friction.law.names or (p.place[0], friction.law.names.index(like)) in free:
-            out[k] = float(neutral[p.place]), p.size
-    for block in (b for b in blocks if b.enters == "base" and b.offered):
-        places = [k for k, p in enumerate(parameters) if p.block == block.name]
-        base = [parameters[k] for k in places]
-        for k, p, size in zip(places, base, block.sizes(base), strict=True):
-            if not np.isfinite(p.tolerance) and size > 0:
-                out[k] = p.value, _BASE * size
-    return out
-
-
 def parts_of(several: S) -> Iterator[S]:
     """All of them together, or else the first half, and so on down to the first."""
     count = len(several)
@@ -224,10 +164,54 @@ class LocalCost(NamedTuple):
         return followed(cost.friction, held)
 
     def _least_known(self, tried: Sequence[Key]) -> Unknown | None:
-        if not self.parameters:
+        """The parameter that the data tell least, None if they tell all.
+
+        Base parameters only where they are offered: asked for, they are free. Without those that
+        were tried before.
+        """
+        if not self.parameters or self.friction.constraints is None:
             return None
-        curvature = self.groups.H.sum(axis=0)
-        return least_known(self.covariance, self.friction, self.blocks, curvature, tried)
+        covariance, curvature = self.covariance, self.groups.H.sum(axis=0)
+        information = np.diag(curvature)
+        blind = information <= _BLIND * information.max(initial=0.0)
+        variance = np.diag(solve_scaled(curvature, np.eye(len(curvature))))
+        ratio = np.diag(covariance.matrix) / np.maximum(variance, 1e-300)
+        usual = float(np.median(ratio[np.isfinite(ratio)])) if np.isfinite(ratio).any() else 1.0
+        worst: tuple[float, Unknown] | None = None
+        for k, (neutral, size) in self._neutral_values().items():
+            p = self.parameters[k]
+            if p.key in tried or (covariance.bound[k] and not blind[k]):
+                continue
+            error, off = float(covariance.error[k]), abs(float(self.values[k]) - neutral)
+            plausible = p.block != "friction" or off <= _FAR * size
+            if off == 0.0 or (plausible and error <= max(KNOWN * size, off / 2.0)):
+                continue
+            excess = max(float(ratio[k]) if np.isfinite(ratio[k]) else usual, 1.0)
+            if worst is None or error / size > worst[0]:
+                worst = error / size, Unknown(p, neutral, size, excess, off / size)
+        return None if worst is None else worst[1]
+
+    def _neutral_values(self) -> dict[int, tuple[float, float]]:
+        """Neutral value and size of the parameters that have them, by their place among D."""
+        out, limits, parameters = {}, self.friction.constraints, self.parameters
+        assert limits is not None
+        law, theta = self.friction.law, np.asarray(self.friction.theta)
+        neutral = law.neutral(theta, limits.neutral)
+        free = {place for p in parameters if p.block == "friction" for place in p.places}
+        for k, p in enumerate(parameters):
+            if p.block != "friction" or not np.isfinite(p.size):
+                continue
+            like = law.parameters[p.place[1]].like
+            # what others follow does not follow them
+            if like not in law.names or (p.place[0], law.names.index(like)) in free:
+                out[k] = float(neutral[p.place]), p.size
+        for block in (b for b in self.blocks if b.enters == "base" and b.offered):
+            places = [k for k, p in enumerate(parameters) if p.block == block.name]
+            base = [parameters[k] for k in places]
+            for k, p, size in zip(places, base, block.sizes(base), strict=True):
+                if not np.isfinite(p.tolerance) and size > 0:
+                    out[k] = p.value, _BASE * size
+        return out
 
     def idle(self, tried: Sequence[Key], level: float) -> Idle:
         """All that would be held and dropped, one after the other, each time at the new minimum.
