@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from fixtures.exact_problems import (
+    STRIBECK,
     assert_recovered,
     cost,
     everything,
@@ -33,7 +34,6 @@ from frictionid.friction import Friction, Law, along
 from frictionid.friction.laws import CoulombViscous, Stribeck
 
 CLEAN = DATA / "acrobot_clean"
-STRIBECK = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 
 
 def fit(law, problem, weights, robust=None, **settings):

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
+from fixtures.exact_problems import SIDED as TRUTH
 from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.learned_laws import assert_slopes_in_memory, costs_of_rows, drawn
 from fixtures.paths import ROOT
@@ -44,7 +45,6 @@ from frictionid.friction.laws import (
 from frictionid.friction.model_files import load_model, save_model
 
 OPTIONS = list(product([False, True], repeat=3))
-TRUTH = np.array([[0.10, 0.12, 0.04, 0.05, 1.5, 0.02], [0.05, 0.04, 0.03, 0.02, 2.5, 0.01]])
 wide = partial(drawn, spread=0.7)
 
 

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from drive_logs import ServoPendulum
+from fixtures.exact_problems import STRIBECK as TRUTH
 from fixtures.exact_problems import everything, explained_by
 from fixtures.refusals import assert_refused
 from fixtures.servo_logs import by_torque
@@ -27,7 +28,6 @@ from frictionid.friction import Friction, along, present
 from frictionid.friction.laws import Cogging, CoulombViscous, Ripple, Stribeck, Sum
 from frictionid.friction.model_files import save_model
 
-TRUTH = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 SPEEDS = np.array([0.6, 1.0, 2.0, 3.5])
 RIDGE = KernelRidge(alpha=0.01, kernel="rbf", gamma=1.0)
 

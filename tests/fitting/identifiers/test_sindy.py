@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from fixtures.driven_pendulum import driven_pendulum
-from fixtures.exact_problems import cost, everything, explained_by, half_widths
+from fixtures.exact_problems import COULOMB, cost, everything, explained_by, half_widths
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -38,7 +38,6 @@ from frictionid.friction.laws import CoulombViscous, Library, Stribeck, check_la
 from frictionid.simulate import write_dataset
 
 LAW = Library()
-COULOMB = np.array([[0.10, 0.02], [0.05, 0.01]])
 STRIBECK = np.array([[0.10, 0.05, 0.9, 0.02], [0.05, 0.04, 3.2, 0.01]])  # between the grid's ws
 EVERYTHING = Library(harmonics=(1, 2), gear=2.0, load=True, direction=True, other=True)
 

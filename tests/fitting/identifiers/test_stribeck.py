@@ -5,6 +5,9 @@ import tracemalloc
 import numpy as np
 import pytest
 from fixtures.exact_problems import (
+    COULOMB,
+    SIDED,
+    STRIBECK,
     by_scipy,
     cost,
     everything,
@@ -23,13 +26,7 @@ from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
 
 PLAIN, SYMMETRIC, ASYMMETRIC = CoulombViscous(), Stribeck(), Stribeck(symmetric=False)
-TRUTH = {
-    PLAIN: np.array([[0.10, 0.02], [0.05, 0.01]]),
-    SYMMETRIC: np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]]),
-    ASYMMETRIC: np.array(
-        [[0.10, 0.12, 0.04, 0.05, 1.5, 0.02], [0.05, 0.04, 0.03, 0.02, 2.5, 0.01]]
-    ),
-}
+TRUTH = {PLAIN: COULOMB, SYMMETRIC: STRIBECK, ASYMMETRIC: SIDED}
 BOTH = pytest.mark.parametrize("law", [SYMMETRIC, ASYMMETRIC], ids=["symmetric", "asymmetric"])
 
 

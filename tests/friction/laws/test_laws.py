@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 import torch
-from fixtures.exact_problems import assert_recovered, everything, explained_by
+from fixtures.exact_problems import (
+    COULOMB,
+    SIDED,
+    WAVES,
+    assert_recovered,
+    everything,
+    explained_by,
+    splines,
+)
 from fixtures.memory_laws import Sampled
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -244,20 +252,10 @@ def test_starts_cover_the_stribeck_velocities_of_slow_and_fast_joints(law):
 
 # ---------------------------------------------------------------- truth in, truth out
 
-WAVES = [[0.2, -0.1, 0.05, 0.1], [-0.2, 0.05, 0.1, 0.0]]
-COULOMB = [[0.1, 0.02], [0.05, 0.01]]
 SIDED_BASE = Stribeck(symmetric=False)
-SIDED_LEVELS = [[0.1, 0.12, 0.04, 0.05, 1.5, 0.02], [0.05, 0.04, 0.03, 0.02, 2.5, 0.01]]
 DRAG = np.array([[0.1, 0.02, 0.003], [0.05, 0.0, 0.001]])
 SPLINES = [Spline((0.5, 1.5, 3.0, 6.0), degree) for degree in (1, 2, 3)]
 SIDED_SPLINE = Spline((0.5, 1.5, 3.0, 6.0), symmetric=False)
-
-
-def level_above_zero(law):
-    """Parameters of two splines."""
-    theta = 0.02 * np.random.default_rng(0).normal(size=(2, len(law.names)))
-    theta[:, [i for i, name in enumerate(law.names) if name.startswith("level")]] = 0.3
-    return theta
 
 
 # law, parameters of each joint, and how far off they may be if not 1e-6: relative, absolute
@@ -277,9 +275,9 @@ RECOVERED = [
     ),
     (CoulombViscous(symmetric=False), [[0.1, 0.14, 0.02], [0.05, 0.03, 0.01]], 1e-9),
     (Ripple("coulomb_viscous", (1, 2), 3.0), np.hstack([COULOMB, WAVES]), 1e-5, 1e-7),
-    (Ripple(SIDED_BASE, (1, 2), 3.0), np.hstack([SIDED_LEVELS, WAVES]), 1e-5, 1e-7),
-    *((law, level_above_zero(law), 1e-6, 1e-9) for law in SPLINES),
-    (SIDED_SPLINE, level_above_zero(SIDED_SPLINE), 1e-5, 1e-7),
+    (Ripple(SIDED_BASE, (1, 2), 3.0), np.hstack([SIDED, WAVES]), 1e-5, 1e-7),
+    *((law, splines(law), 1e-6, 1e-9) for law in SPLINES),
+    (SIDED_SPLINE, splines(SIDED_SPLINE), 1e-5, 1e-7),
     (LoadDependent(), [[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]]),
     (LoadDependent(stribeck=True), [[0.04, 0.03, 1.5, 0.01, 0.02], [0.02, 0.03, 2.5, 0.005, 0.01]]),
     (Sum(), [[0.1, 0.04, 1.5, 0.02, 0.15], [0.05, 0.03, 0.8, 0.01, 0.3]]),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import COULOMB, SIDED, STRIBECK, WAVES, everything, explained_by
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
@@ -11,18 +11,8 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Inputs
 from frictionid.friction.laws import CoulombViscous, Ripple, Stribeck
 
-THETA = {
-    CoulombViscous(): [[0.1, 0.02], [0.05, 0.01]],
-    Stribeck(symmetric=False): [
-        [0.1, 0.12, 0.04, 0.05, 1.5, 0.02],
-        [0.05, 0.04, 0.03, 0.02, 2.5, 0.01],
-    ],
-}
-WAVES = [[0.2, -0.1, 0.05, 0.1], [-0.2, 0.05, 0.1, 0.0]]
+THETA = {CoulombViscous(): COULOMB, Stribeck(symmetric=False): SIDED}
 EVERY = pytest.mark.parametrize("base", THETA, ids=str)
-
-
-PLAIN = [[0.1, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]]
 
 
 def rippled(base, waves=WAVES):
@@ -70,10 +60,10 @@ def test_it_never_drives_however_large_its_amplitudes(base):
 
 def test_a_law_without_ripple_misses_it_and_one_with_it_finds_none_where_there_is_none():
     law = Ripple("stribeck")
-    problem = explained_by(Stribeck(), PLAIN)
+    problem = explained_by(Stribeck(), STRIBECK)
     found = LeastSquares(law).fit(problem, everything(problem), 0).theta[0]
     assert_allclose(found[:, -2:], 0.0, atol=1e-6)
-    assert_allclose(found[:, :-2], PLAIN, rtol=1e-5)
+    assert_allclose(found[:, :-2], STRIBECK, rtol=1e-5)
 
 
 WRONG = r"""

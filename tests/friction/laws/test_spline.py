@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import everything, explained_by, splines
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -18,17 +18,10 @@ KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 DEGREES = pytest.mark.parametrize("degree", [1, 2, 3])
 
 
-def drawn(law, n=1, seed=0):
-    """Parameters whose level stays above zero."""
-    theta = 0.02 * np.random.default_rng(seed).normal(size=(n, len(law.names)))
-    theta[:, [i for i, name in enumerate(law.names) if name.startswith("level")]] = 0.3
-    return theta
-
-
 @DEGREES
 def test_it_is_the_b_spline_of_scipy_that_begins_level(degree):
     law = Spline(KNOTS, degree)
-    theta = drawn(law)
+    theta = splines(law, 1)
     levels = np.cumsum(theta[0])
     t = [0.0] * (degree + 1) + list(KNOTS) + [8.0] * degree
     theirs = BSpline(t, [levels[0], *levels], degree)
@@ -40,14 +33,14 @@ def test_it_is_the_b_spline_of_scipy_that_begins_level(degree):
 @DEGREES
 def test_beyond_the_last_knot_it_goes_on_straight(degree):
     law = Spline(KNOTS, degree)
-    curve = Friction(law, drawn(law)).curve(np.array([7.999, 8.0, 8.001, 12.0, 16.0]))[:, 0]
+    curve = Friction(law, splines(law, 1)).curve(np.array([7.999, 8.0, 8.001, 12.0, 16.0]))[:, 0]
     assert (curve[4] - curve[3]) == pytest.approx(curve[3] - curve[1])
     assert (curve[2] - curve[1]) == pytest.approx(curve[1] - curve[0], rel=1e-2)
 
 
 def test_the_level_grows_with_the_load():
     x = at_rest(np.array([[3.0], [-3.0], [1e-9]]))._replace(load=np.array([[2.0], [5.0], [2.0]]))
-    theta = np.append(drawn(Spline())[0], 0.1)[None]
+    theta = np.append(splines(Spline(), 1)[0], 0.1)[None]
     plain, loaded = (
         Spline(loaded=loads).torque(theta[:, : 6 + loads], x, ()) for loads in (False, True)
     )
@@ -73,7 +66,7 @@ def test_a_negative_level_counts_as_zero():
 
 def test_each_direction_is_a_spline_of_its_own():
     law = Spline(symmetric=False)
-    theta, w = drawn(law), np.linspace(0.1, 10, 40)
+    theta, w = splines(law, 1), np.linspace(0.1, 10, 40)
     half = theta.shape[-1] // 2
     both = Friction(law, theta).curve(np.concatenate([-w, w]))
     up, down = (Friction(Spline(), t).curve(w) for t in (theta[:, :half], theta[:, half:]))
@@ -115,7 +108,7 @@ degree = true => degree: it should be a valid integer, not True
 def test_settings_that_mean_nothing_are_refused(wrong, words):
     with assert_refused(words):
         Spline(**changes(wrong))
-    document = model_document(Friction(Spline(), drawn(Spline())))
+    document = model_document(Friction(Spline(), splines(Spline(), 1)))
     document["law"] |= changes(wrong)
     with assert_refused(words):
         read_model(document, "model.json")
