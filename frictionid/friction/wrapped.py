@@ -37,24 +37,24 @@ class WrappedLaw(Law):
         """The other law, as it is asked."""
         return self.law
 
-    def given(self, theta: Array, x: Inputs) -> tuple[Array, Inputs]:
+    def passed_on(self, theta: Array, x: Inputs) -> tuple[Array, Inputs]:
         """What the other law is given for its parameters and its inputs."""
         return theta, x
 
     def start(self, theta: Array, x: Inputs) -> Memory:
-        return self.inner.start(*self.given(theta, x))
+        return self.inner.start(*self.passed_on(theta, x))
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self.inner.torque(*self.given(theta, x), memory)
+        return self.inner.torque(*self.passed_on(theta, x), memory)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return self.inner.advance(*self.given(theta, x), memory, dt)
+        return self.inner.advance(*self.passed_on(theta, x), memory, dt)
 
     def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array] | None:
-        return self.inner.relaxation(*self.given(theta, x), dt)
+        return self.inner.relaxation(*self.passed_on(theta, x), dt)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self.inner.limit(*self.given(theta, x), memory)
+        return self.inner.limit(*self.passed_on(theta, x), memory)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class LinearOutside(WrappedLaw):
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         top = like(self.speeds, x.w)
-        _, inside = self.given(theta, x)
+        _, inside = self.passed_on(theta, x)
 
         def slope(side: float) -> Array:
             near, end = (
@@ -157,6 +157,6 @@ class LinearOutside(WrappedLaw):
         """The sharpened law, continued beyond the same speeds."""
         return LinearOutside(self.law.sharpened(), self.speeds)
 
-    def given(self, theta: Array, x: Inputs) -> tuple[Array, Inputs]:
+    def passed_on(self, theta: Array, x: Inputs) -> tuple[Array, Inputs]:
         xp, top = namespace(x.w), like(self.speeds, x.w)
         return theta, x._replace(w=xp.minimum(xp.maximum(x.w, -top), top))

@@ -55,7 +55,7 @@ class CombinationLaw(SmoothedLaw):
         """The law's own numbers (..., n, P)."""
         return self.origin + (self.directions @ np.asarray(theta)[..., None])[..., 0]
 
-    def given(self, theta: Array, x: Inputs) -> tuple[Array, Inputs]:
+    def passed_on(self, theta: Array, x: Inputs) -> tuple[Array, Inputs]:
         return self.numbers(theta), x
 
     def gradient(self, theta: Array, x: Inputs) -> Array:

@@ -36,7 +36,7 @@ else:
 class Periodic(Law):
     """A law with waves of the angle, cos(k gear q) and sin(k gear q) of its harmonics k.
 
-    called : its name in what is wrong
+    label : its name in what is wrong
 
     >>> import numpy as np
     >>> [float(wave[0]) for wave in Cogging((1, 2), 6.0).waves(np.zeros(1))]
@@ -45,12 +45,12 @@ class Periodic(Law):
 
     harmonics: Harmonics
     gear: float
-    called: ClassVar[str]
+    label: ClassVar[str]
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(set(self.orders)) < len(self.orders):
-            raise InputError(f"{self.called}: harmonics = {list(self.orders)} must differ")
+            raise InputError(f"{self.label}: harmonics = {list(self.orders)} must differ")
 
     @property
     def orders(self) -> tuple[int, ...]:
@@ -85,7 +85,7 @@ class Cogging(Periodic):
 
     harmonics: Harmonics = (1,)
     gear: Positive = 1.0
-    called = "cogging"
+    label = "cogging"
 
     @property
     def parameters(self) -> tuple[LawParameter, ...]:

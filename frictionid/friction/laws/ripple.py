@@ -38,7 +38,7 @@ class Ripple(Periodic, CombinedLaw):
     shape: str = "tanh"
     made_of = ("base",)
     kinds = ("coulomb_viscous", "stribeck")
-    called = "Ripple"
+    label = "Ripple"
 
     @property
     def parameters(self) -> tuple[LawParameter, ...]:

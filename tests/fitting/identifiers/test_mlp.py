@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
-from fixtures.exact_problems import SIDED as TRUTH
+from fixtures.exact_problems import BY_DIRECTION as TRUTH
 from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.learned_laws import assert_slopes_in_memory, costs_of_rows, drawn
 from fixtures.paths import ROOT

@@ -5,8 +5,8 @@ import tracemalloc
 import numpy as np
 import pytest
 from fixtures.exact_problems import (
+    BY_DIRECTION,
     COULOMB,
-    SIDED,
     STRIBECK,
     by_scipy,
     cost,
@@ -26,7 +26,7 @@ from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
 
 PLAIN, SYMMETRIC, ASYMMETRIC = CoulombViscous(), Stribeck(), Stribeck(symmetric=False)
-TRUTH = {PLAIN: COULOMB, SYMMETRIC: STRIBECK, ASYMMETRIC: SIDED}
+TRUTH = {PLAIN: COULOMB, SYMMETRIC: STRIBECK, ASYMMETRIC: BY_DIRECTION}
 BOTH = pytest.mark.parametrize("law", [SYMMETRIC, ASYMMETRIC], ids=["symmetric", "asymmetric"])
 
 

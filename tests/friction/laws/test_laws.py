@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 from fixtures.exact_problems import (
+    BY_DIRECTION,
     COULOMB,
-    SIDED,
     WAVES,
     assert_recovered,
     everything,
@@ -275,7 +275,7 @@ RECOVERED = [
     ),
     (CoulombViscous(symmetric=False), [[0.1, 0.14, 0.02], [0.05, 0.03, 0.01]], 1e-9),
     (Ripple("coulomb_viscous", (1, 2), 3.0), np.hstack([COULOMB, WAVES]), 1e-5, 1e-7),
-    (Ripple(SIDED_BASE, (1, 2), 3.0), np.hstack([SIDED, WAVES]), 1e-5, 1e-7),
+    (Ripple(SIDED_BASE, (1, 2), 3.0), np.hstack([BY_DIRECTION, WAVES]), 1e-5, 1e-7),
     *((law, splines(law), 1e-6, 1e-9) for law in SPLINES),
     (SIDED_SPLINE, splines(SIDED_SPLINE), 1e-5, 1e-7),
     (LoadDependent(), [[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]]),

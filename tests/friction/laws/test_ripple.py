@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import COULOMB, SIDED, STRIBECK, WAVES, everything, explained_by
+from fixtures.exact_problems import BY_DIRECTION, COULOMB, STRIBECK, WAVES, everything, explained_by
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
@@ -11,7 +11,7 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Inputs
 from frictionid.friction.laws import CoulombViscous, Ripple, Stribeck
 
-THETA = {CoulombViscous(): COULOMB, Stribeck(symmetric=False): SIDED}
+THETA = {CoulombViscous(): COULOMB, Stribeck(symmetric=False): BY_DIRECTION}
 EVERY = pytest.mark.parametrize("base", THETA, ids=str)
 
 
