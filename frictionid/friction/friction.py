@@ -353,11 +353,8 @@ def memory_at_nodes(friction: Friction, nodes: Nodes) -> Memory:
     """Memory (..., S, n) at the nodes of all recordings."""
     xp = namespace(friction.theta, nodes.inputs.w)
     shape = (*friction.theta.shape[:-2], len(nodes.first) - 1, friction.n)
-    whole = [
-        [xp.broadcast_to(entry, shape) for entry in entries]
-        for entries in zip(*memory_along(friction, nodes), strict=True)
-    ]
-    return tuple(_unpad(xp, steps, nodes) for steps in whole)
+    steps = zip(*memory_along(friction, nodes), strict=True)
+    return tuple(_unpad(xp, [xp.broadcast_to(x, shape) for x in entry], nodes) for entry in steps)
 
 
 def _side_by_side(nodes: Nodes, theta: Array) -> Iterator[Nodes]:
