@@ -140,6 +140,6 @@ def test_joints_have_the_names_of_the_fit():
     found = Estimate("friction", "viscous of elbow", "N m s/rad", 1, 0.01)
     fitted = STRIBECK.noted({"refined": Estimates(parameters=(found,))})
     named = fitted.noted({"joints": ("hip", "knee")})
-    names = [x.joints for x in (friction, fitted, named)]
+    names = [x.joints for x in (STRIBECK, fitted, named)]
     assert names == [("joint 1", "joint 2"), ("joint 1", "elbow"), ("hip", "knee")]
     assert "\n  knee  coulomb" in str(named)
