@@ -53,7 +53,7 @@ def compared(request, real_data):
     whole = every[0].benchmark
     protocol = replace(whole.protocol, every=real.every, horizons=real.horizons)
     folds = make_folds(whole.dataset.recordings, Split(count=2, kind="blocks", gap=0.25))
-    benchmark = replace(whole, protocol=protocol, folds=folds)
+    benchmark = whole._replace(protocol=protocol, folds=folds)
     asked = {"none", *real.fitted, *real.published, "model_1.0", "model_2.0"}
     tasks = [t._replace(benchmark=benchmark) for t in every if t.name in asked]
     prepared = prepare_benchmarks(tasks)

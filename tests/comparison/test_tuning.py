@@ -198,8 +198,8 @@ def test_samples_keep_their_own_deviations(kind):
         return replace(r, angle=r.angle._replace(sigma=sigma))
 
     own = benchmark(Split(count=2, kind=kind, gap=0.1))
-    own = replace(
-        own, dataset=replace(own.dataset, recordings=tuple(map(deviating, own.dataset.recordings)))
+    own = own._replace(
+        dataset=replace(own.dataset, recordings=tuple(map(deviating, own.dataset.recordings)))
     )
     (first, *_) = training_benchmark(own, 1, Split(count=2)).dataset.recordings
     whole = next(r for r in own.dataset.recordings if r.name == first.name.split(",")[0])

@@ -147,9 +147,10 @@ def lost_by(model: ExportedFriction, held: Friction, target: str, names: str) ->
     lines = [f"{target} holds {names} of each joint, no {type(model.law).__name__}"]
     if model.nearest is None or not model.nearest.published:
         where = "along the recorded motion" if model.nearest else matched(model)
+        units = "/s, ".join(dict.fromkeys(model.units))
         lines[0] += (
             f": their level and slope are the least squares of the model's torques {where}, "
-            "without slow samples (|w| < 0.05 rad/s)"
+            f"without slow samples (|w| < 0.05 {units}/s)"
         )
     levels = (break_away(model.friction), break_away(held))
     for name, unit, level, other in zip(model.joints, model.torque_units, *levels, strict=True):

@@ -84,9 +84,9 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
     rng, K = np.random.default_rng(2), 2 * N
     before, after = rng.normal(size=(2, K, JOINTS))
     weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
-    intervals = SimpleNamespace(
-        n=JOINTS, size=np.ones(JOINTS), before=before, after=after, **weight
-    )
+    scales = SimpleNamespace(size=np.ones(JOINTS))
+    dataset = SimpleNamespace(scales=scales)
+    intervals = SimpleNamespace(n=JOINTS, dataset=dataset, before=before, after=after, **weight)
     nodes = rng.normal(size=(K, STATE))
     lines = Linearisation(
         end=rng.normal(size=(K, STATE)),
