@@ -62,14 +62,25 @@ class Linearisation(NamedTuple):
         )
 
 
+class Directions(NamedTuple):
+    """Entries (part, place) of theta, and base parameters, by which the step has derivatives."""
+
+    theta: tuple[tuple[int, ...], ...]
+    base: tuple[int, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class ShootingProblem:
-    """What does not change while the free parameters are fitted to the intervals."""
+    """What does not change while the free parameters are fitted to the intervals.
+
+    directions : those of the free parameters or more, as machine code of others takes seconds
+    """
 
     intervals: Intervals
     blocks: tuple[FreeBlock, ...]
     settings: Settings
     reads: LawReads
+    directions: Directions
 
     @property
     def count(self) -> int:
@@ -160,25 +171,26 @@ class ShootingProblem:
         return np.where(self.intervals.joined[later], later, rows)
 
     def _entering(self, enters: str) -> list[Parameter]:
-        return [p for free in self.blocks if free.block.enters == enters for p in free.parameters]
+        return _entering(self.blocks, enters)
 
     def _by_parameters(self, by: Array) -> Array:
-        """Derivatives by the free parameters, from those by each of their places, last axis."""
-        counts = [len(p.places) for p in self._entering("friction")]
-        if sum(counts) == len(counts):
-            return by
-        first = np.cumsum([0, *counts[:-1]])
-        summed = np.add.reduceat(by[..., : sum(counts)], first, axis=-1)
-        return np.concatenate([summed, by[..., sum(counts) :]], axis=-1)
+        """Derivatives by the free parameters, from those in all directions, last axis."""
+        theta, base = self.directions
+        columns = [[theta.index(at) for at in p.places] for p in self._entering("friction")]
+        columns += [[len(theta) + base.index(p.place[0])] for p in self._entering("base")]
+        columns += [[k] for k in range(len(theta) + len(base), by.shape[-1])]
+        flat = [k for several in columns for k in several]
+        if len(columns) == len(flat):
+            return by if flat == [*range(by.shape[-1])] else by[..., flat]
+        first = np.cumsum([0, *map(len, columns[:-1])])
+        return np.asarray(np.add.reduceat(by[..., flat], first, axis=-1))
 
     def _model(self, estimate: Estimate, plant: Plant) -> MotionModel:
-        theta = [place for p in self._entering("friction") for place in p.places]
-        joint, place = (np.array([at[i] for at in theta], dtype=int) for i in (0, 1))
-        base = tuple(p.place[0] for p in self._entering("base"))
+        joint, place = np.array(self.directions.theta, dtype=int).reshape(-1, 2).T
         friction, free = estimate.friction, FreeTheta(joint, place)
         if isinstance(friction.law, CurveCombinations):
             free, friction = friction.law.free, friction.law.curve(friction)
-        return MotionModel(plant, friction, free, base, self.reads)
+        return MotionModel(plant, friction, free, self.directions.base, self.reads)
 
     def _plant(self, estimate: Estimate) -> Plant:
         plant = calibrated_plant(self.intervals.dataset, estimate.calibration)
@@ -304,10 +316,20 @@ def rounded_up(counts: Array) -> Array:
     return (np.ceil(counts / unit) * unit).astype(int)
 
 
+def _entering(blocks: Sequence[FreeBlock], enters: str) -> list[Parameter]:
+    return [p for free in blocks if free.block.enters == enters for p in free.parameters]
+
+
 def shooting_problem(
-    intervals: Intervals, estimate: Estimate, blocks: Sequence[ParameterBlock], settings: Settings
+    intervals: Intervals,
+    estimate: Estimate,
+    blocks: Sequence[ParameterBlock],
+    settings: Settings,
+    before: ShootingProblem | None = None,
 ) -> ShootingProblem:
     """The problem of fitting the blocks' free parameters to the intervals.
+
+    before : of the same law, with more free parameters as a rule
 
     Raises
     ------
@@ -322,4 +344,8 @@ def shooting_problem(
     reads = reads_of(law, np.asarray(friction.theta), x)
     if has_actuator(blocks):
         check_servo(intervals, estimate, free, reads.u)
-    return ShootingProblem(intervals, free, settings, reads)
+    theta = tuple(at for p in _entering(free, "friction") for at in p.places)
+    directions = Directions(theta, tuple(p.place[0] for p in _entering(free, "base")))
+    if before and all(set(x) <= set(y) for x, y in zip(directions, before.directions, strict=True)):
+        directions = before.directions
+    return ShootingProblem(intervals, free, settings, reads, directions)

@@ -95,7 +95,14 @@ def solved(stage: Stage) -> Stage:
 def _fitted(stage: Stage) -> Stage:
     """The stage with the fit of its blocks, from where it ended before."""
     before, intervals, use = stage.ended, stage.intervals, stage.use
-    problem, estimate = prepare_fit(stage.friction, intervals, stage.blocks, stage.settings, use)
+    problem, estimate = prepare_fit(
+        stage.friction,
+        intervals,
+        stage.blocks,
+        stage.settings,
+        use,
+        before=before and before.problem,
+    )
     if before is not None:
         estimate = with_values(estimate, problem.blocks, values_of(before.estimate, problem.blocks))
     solution = solve(problem, estimate, use, before)
@@ -284,17 +291,19 @@ def prepare_fit(
     settings: Settings,
     use: Array | None = None,
     curves: bool = True,
+    before: ShootingProblem | None = None,
 ) -> tuple[ShootingProblem, Estimate]:
     """The problem of fitting the blocks to intervals, and the estimate that the fit begins with.
 
     use : (K,) true for the intervals that may be used, all by default
     curves : whether a static network is fitted as a curve
+    before : of the same fit, with more free parameters as a rule
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     settings = settings.at(float(np.median(intervals.dt)))
     estimate, blocks = _begin(friction, intervals, blocks, use, curves)
     check_blocks(blocks, estimate, intervals)
-    problem = shooting_problem(intervals, estimate, blocks, settings)
+    problem = shooting_problem(intervals, estimate, blocks, settings, before)
     check_data(intervals, problem.parameters, settings.windows[-1])
     return problem, estimate
 

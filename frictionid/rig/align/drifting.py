@@ -86,7 +86,7 @@ def drifting(
     blocks = (*blocks, DelayBlock())
     inner = shooting_problem(intervals, estimate, blocks, settings)
     free = free_blocks((*blocks, DriftBlock()), estimate)
-    return Drifting(intervals, free, settings, inner.reads, inner, middle)
+    return Drifting(intervals, free, settings, inner.reads, inner.directions, inner, middle)
 
 
 def _drift_of(estimate: Estimate) -> float:

@@ -77,6 +77,24 @@ def test_derivatives_of_all_blocks_are_those_of_central_differences():
     assert_array_equal(lines.angle[-2:], np.eye(2))
 
 
+def test_derivatives_by_fewer_parameters_are_those_of_a_problem_of_their_own():
+    """The compiled step is that of the wider problem, and not compiled again."""
+    friction = Friction(
+        StribeckLaw(), np.array([[0.16, 0.02, 6.0, 0.004], [0.05, 0.02, 8.0, 0.001]])
+    )
+    intervals = intervals_of(acrobot())
+    wide = FrictionBlock(), InertiaBlock(), DelayBlock()
+    few = FrictionBlock(fixed=("peak",)), InertiaBlock(fixed=("inertia_12",)), DelayBlock()
+    before, _ = prepare_fit(friction, intervals, wide, Settings())
+    alone, estimate = prepare_fit(friction, intervals, few, Settings())
+    within, _ = prepare_fit(friction, intervals, few, Settings(), before=before)
+    assert within.directions == before.directions != alone.directions
+    rows, nodes = np.arange(100), alone.initial_nodes(estimate)
+    of_each = (problem.linearise(estimate, nodes, rows) for problem in (alone, within))
+    for own, others in zip(*of_each, strict=True):
+        assert_allclose(others, own, rtol=1e-9, atol=1e-12)
+
+
 def test_a_gain_5_per_cent_wrong_is_found_where_one_mass_is_known():
     blocks = (FrictionBlock(), InertiaBlock(fixed=("gravity",)), GainBlock())
     found = refine(BEGIN, driven_pendulum(150, gain=1.05), blocks, SHORT)
