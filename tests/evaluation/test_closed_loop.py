@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from drive_logs import ServoPendulum
-from fixtures.changed_data import changed, each, some
+from fixtures.changed_data import changed, each, subset
 from fixtures.servo_logs import by_controller
 from numpy.testing import assert_allclose
 
@@ -83,7 +83,7 @@ def test_recordings_with_a_torque_log_beside_servos_keep_it():
     logged = replace(logged, torque=Signal(second.angle.time, u, "previous"))
     both = replace(data, recordings=(first, logged))
     mixed, closed, alone = (
-        rollouts(some(both, *rows), TRUTH, 0.1) for rows in ((0, 2), (0, 1), (1, 2))
+        rollouts(subset(both, *rows), TRUTH, 0.1) for rows in ((0, 2), (0, 1), (1, 2))
     )
     half = closed.shape[1]
     assert_allclose(mixed[:, :half], closed, atol=1e-6)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.changed_data import changed, each, some
+from fixtures.changed_data import changed, each, subset
 from fixtures.memory_laws import Sampled, SampledFollower
 from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines
@@ -126,7 +126,7 @@ def servoed(data, change):
 
 
 def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
-    data, states, d = some(logs[0], 0, 1), logs[1][:1], 0.004
+    data, states, d = subset(logs[0], 0, 1), logs[1][:1], 0.004
     servo = data.recordings[0].servo
     free = servoed(data, lambda servo: replace(servo, limit=1e9))
     calibration = replace(Calibration.ideal(1), delay=np.array(d))
@@ -157,7 +157,7 @@ def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs, usual):
 def test_together_is_as_alone(logs, usual):
     (data, states), (q, trajectory) = logs, usual
     for i in range(len(states)):
-        alone, _ = run_of(some(data, i, i + 1), states[i : i + 1])
+        alone, _ = run_of(subset(data, i, i + 1), states[i : i + 1])
         known = np.isfinite(trajectory.measured[:, i, 0])
         # pieces of an interval may differ where another recording has a longer one
         assert_allclose(q[known, i], alone[:, 0], atol=2e-4)
@@ -179,7 +179,7 @@ def test_without_a_connected_motor_it_is_a_rollout_without_torque(logs, friction
     def off(servo):
         return replace(servo, enabled=servo.enabled._replace(value=0 * servo.goal.value))
 
-    q, trajectory = run_of(servoed(some(data, 0, 1), off), states[:1], friction)
+    q, trajectory = run_of(servoed(subset(data, 0, 1), off), states[:1], friction)
     start = State(trajectory.q, trajectory.w)
     free = rollout(plant_of(data)[:1], friction, start, 0 * trajectory.u, trajectory.dt)
     assert_allclose(q, free.q, atol=1e-5)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.changed_data import each, some
+from fixtures.changed_data import each, subset
 from fixtures.paths import DATA
 from fixtures.score_frames import select
 from fixtures.tiny_pendulums import TRUTH, dataset
@@ -78,7 +78,7 @@ def test_they_are_made_only_where_they_are_wanted_and_the_truth_is_known():
 
 
 def test_the_truth_has_the_true_inertias_and_torque_clock():
-    data = some(load_dataset(DATA / "acrobot_sim"), 12, 15)
+    data = subset(load_dataset(DATA / "acrobot_sim"), 12, 15)
     friction, calibration = true_friction(data.truth), true_calibration(data)
     prepared = prepare(data, replace(PROTOCOL, true_initial_states=False))
     own, told = (

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.changed_data import changed, each, some
+from fixtures.changed_data import changed, each, subset
 from fixtures.lab_tables import MACHINE, recordings, write_lab_tables
 from fixtures.paths import ROOT
 from fixtures.printed import assert_alike
@@ -253,7 +253,7 @@ def test_a_law_that_cannot_be_fitted_is_no_candidate(monkeypatch):
 
 
 def test_the_share_of_a_motor_is_a_candidate_where_a_motor_drives():
-    logged = some(tiny(), 0, 1)
+    logged = subset(tiny(), 0, 1)
     passive = changed(logged, "torque", np.zeros_like)
     servo = open_loop(logged.recordings[0].torque)
     driven = each(passive, lambda r: replace(r, servo=servo))

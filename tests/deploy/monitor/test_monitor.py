@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drive_logs import ServoPendulum
-from fixtures.changed_data import changed, each, some
+from fixtures.changed_data import changed, each, subset
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.servo_logs import by_controller
 from fixtures.seven_joints import MASS, urdf_text
@@ -61,20 +61,20 @@ def first():
 
 @pytest.fixture(scope="module")
 def healthy(first):
-    return some(first, 0, COUNT)
+    return subset(first, 0, COUNT)
 
 
 @pytest.fixture(scope="module")
 def fresh(first):
     """Five other healthy recordings."""
-    return some(first, COUNT, COUNT + 5)
+    return subset(first, COUNT, COUNT + 5)
 
 
 @pytest.fixture(scope="module")
 def worn(first):
     """Five recordings with 20 % more of the levels of each joint."""
     return (
-        some(first, COUNT + 5, None),
+        subset(first, COUNT + 5, None),
         simulate(rig(2, 5, wear=(0.0, 0.2), sudden=True)),
     )
 
@@ -148,7 +148,7 @@ def test_pushes_are_no_friction_and_are_left_out(known, fresh):
     found = fid.monitor(known, new)
     assert found.answer == "unchanged"
     assert "disturbed, not friction: " in str(found)
-    prepared = prepared_data(some(new, 0, 1))
+    prepared = prepared_data(subset(new, 0, 1))
     (one,) = recording_changes(prepared, known.reference, (), known.changes.disturbed)[1]
     assert one.begin < 5.0 < 5.2 < one.end
 
@@ -162,7 +162,7 @@ def test_where_much_is_disturbed_another_cause_is_named(known):
 
 def test_a_recording_changes_alone_as_it_does_among_others(known, healthy):
     """What exchangeability needs: no number of a recording depends on those it came with."""
-    alone, _ = recording_changes(prepared_data(some(healthy, 3, 4)), known.reference, ())
+    alone, _ = recording_changes(prepared_data(subset(healthy, 3, 4)), known.reference, ())
     np.testing.assert_array_equal(alone.value[0], known.changes.value[3])
 
 
@@ -170,7 +170,7 @@ def test_a_temperature_explains_what_follows_it():
     """Friction falls by 1 % a kelvin; new recordings are as warm as some healthy ones."""
     warm = tuple(float(20 + (3 * i) % COUNT) for i in range(COUNT))
     data = simulate(rig(6, seconds=8.0, temperature=warm, per_kelvin=-0.01, scatter=0.01))
-    old, new = some(data, 0, 10), some(data, 10, None)
+    old, new = subset(data, 0, 10), subset(data, 10, None)
     base = fid.baseline(old)
     assert base.covariates == ("temperature",)
     found = fid.monitor(base, new)
@@ -181,8 +181,8 @@ def test_a_temperature_explains_what_follows_it():
 
 @pytest.mark.parametrize("rate", [0.01, 1e-9])
 def test_few_recordings_raise_no_alarm_at_any_rate(healthy, rate):
-    base = fid.baseline(some(healthy, 0, 3))
-    assert fid.monitor(base, some(healthy, 3, 4), rate=rate).judgement.causes == ()
+    base = fid.baseline(subset(healthy, 0, 3))
+    assert fid.monitor(base, subset(healthy, 3, 4), rate=rate).judgement.causes == ()
 
 
 def test_faster_motion_than_any_healthy_one_cannot_be_judged(known, worn):
@@ -278,7 +278,7 @@ def test_the_commands_say_it_by_their_exit_status(healthy, worn, tmp_path, run):
 
 def test_a_baseline_of_one_recording_is_refused(healthy):
     with assert_refused("two or more"):
-        fid.baseline(some(healthy, 0, 1))
+        fid.baseline(subset(healthy, 0, 1))
 
 
 def test_pieces_of_healthy_recordings_raise_no_alarm(known, fresh):
@@ -294,7 +294,7 @@ def test_pieces_of_healthy_recordings_raise_no_alarm(known, fresh):
 
 
 def test_recordings_are_chosen_over_all_data_sets(known, first):
-    new = [some(first, COUNT, COUNT + 2), some(first, COUNT + 2, COUNT + 4)]
+    new = [subset(first, COUNT, COUNT + 2), subset(first, COUNT + 2, COUNT + 4)]
     name = new[0].recordings[1].name
     assert fid.monitor(known, new, only=[name]).names == (name,)
     with assert_refused("no recording 'r1'; known: 'r1-14'"):

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.changed_data import changed, each, some
+from fixtures.changed_data import changed, each, subset
 from fixtures.driven_pendulum import simulated
 from fixtures.refusals import assert_one_line, assert_refused
 
@@ -60,7 +60,7 @@ def watch(fit, quiet):
 
 @pytest.fixture(scope="module")
 def contact(quiet):
-    return each(some(quiet, 1, 2), pushed)
+    return each(subset(quiet, 1, 2), pushed)
 
 
 def test_a_push_comes_out_as_it_went_in_and_nothing_else_does(fit, quiet, contact):
@@ -108,7 +108,7 @@ def test_without_quiet_recordings_the_band_is_by_recordings_that_were_not_fitted
     unseen = fid.external_torque(loose, varied).band_of
     size, other = (float(np.hypot(b.noise, 0.05 * b.shake)[0]) for b in (seen, unseen))
     assert other > 1.5 * size
-    single = some(varied, 0, 1)
+    single = subset(varied, 0, 1)
     alone = fid.fit(single, "coulomb_viscous", method="one_step")
     assert fid.external_torque(alone, single).band_of.hours < seen.hours
 
@@ -121,7 +121,7 @@ def test_a_gap_in_the_log_is_no_contact(fit, quiet):
         angle, torque = (taken(x, keep) for x in (r.angle, r.torque))
         return replace(r, angle=angle, torque=torque, truth=None)
 
-    said = fid.external_torque(fit, each(some(quiet, 0, 1), paused), quiet=quiet)
+    said = fid.external_torque(fit, each(subset(quiet, 0, 1), paused), quiet=quiet)
     assert not said.contacts
     unknown = said.frame.torque1.isna() & (said.frame.time > 1.0)
     assert 7.0 < said.frame.time[unknown].min() < said.frame.time[unknown].max() < 7.6
@@ -131,7 +131,7 @@ def test_a_gap_in_the_log_is_no_contact(fit, quiet):
 def jumped(quiet):
     """A log in which the encoder is set anew by 400 turns at 6 s."""
     later = np.arange(2401)[:, None] > 1200
-    return changed(some(quiet, 0, 1), "angle", lambda q: q + 800 * np.pi * later)
+    return changed(subset(quiet, 0, 1), "angle", lambda q: q + 800 * np.pi * later)
 
 
 def test_an_encoder_that_is_set_anew_is_no_contact(fit, quiet, jumped):
@@ -196,7 +196,7 @@ def test_the_live_estimate_is_the_same_however_the_samples_come(watch, folder):
 
 def test_a_jump_ends_a_stretch_of_the_live_estimate(watch, quiet, jumped, tmp_path):
     """It hardly moves the estimate; before and behind it what the samples say counts."""
-    sound, ends = some(quiet, 0, 1), []
+    sound, ends = subset(quiet, 0, 1), []
     for data, size in (sound, 10**9), (jumped, 10**9), (jumped, 1500):
         place = tmp_path / str(len(ends))
         write_dataset(data, place)
@@ -225,7 +225,7 @@ def test_memory_is_that_of_a_stretch(watch, quiet):
 def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
     """Friction 10 % below the model's, live and from all data at once."""
     less = replace(fit.friction, theta=fit.friction.theta / 0.9)
-    live = watch_of(less, some(quiet, 0, 1), 0.1, 1.0).friction
+    live = watch_of(less, subset(quiet, 0, 1), 0.1, 1.0).friction
     said, estimates = live.start(), []
     for r in recorded(8, seed=3).recordings:
         for a in range(0, 2000, 1000):
@@ -304,7 +304,7 @@ def test_what_cannot_be_watched_is_refused(fit, watch, quiet, tmp_path):
     two = fid.Friction(fit.friction.law, np.tile(fit.friction.theta, (2, 1)))
     with assert_refused("has 1 joints, the model has 2"):
         watch_of(two, quiet, 0.1, 1.0)
-    short = each(some(quiet, 0, 1), lambda r: replace(r, angle=taken(r.angle, range(90))))
+    short = each(subset(quiet, 0, 1), lambda r: replace(r, angle=taken(r.angle, range(90))))
     with assert_refused("too short for a band: give 2 s and more beside 0.52 s"):
         fid.external_torque(fit, quiet, quiet=short)
     dahl = fid.Friction(Dahl(), np.full((1, len(Dahl().names)), 0.1))
