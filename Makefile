@@ -30,7 +30,7 @@ compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on
 machines: $(CORE) ## every public machine by the same rules (an hour; FRICTIONID_DATA has the recordings); goes on where it stopped
 	@$(BIN)/python comparisons/machines.py $(ARGS)
 
-test: $(TEST) ## add the test tools to .venv, then run all tests (10 minutes on two cores)
+test: $(TEST) ## add the test tools to .venv, then run all tests (12 minutes on two cores)
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/frictionid warm --quiet
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
@@ -50,7 +50,7 @@ format: $(DEV) ## format the code and repair what lint can repair
 	@$(BIN)/ruff check --fix-only --quiet .
 	@$(BIN)/ruff format .
 
-bench: $(CORE) ## speed and accuracy beside others, into report/bench (10 minutes)
+bench: $(CORE) ## speed and accuracy beside others, into report/bench (7 minutes)
 	@$(ONE_THREAD) $(BIN)/python comparisons/bench $(ARGS)
 
 docs: $(DOCS) ## the documentation as a site in site/, with the reports that are in report/

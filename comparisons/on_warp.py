@@ -15,12 +15,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import mujoco
-import mujoco_warp
 import numpy as np
 from script import call
 
 import frictionid as fid
 from frictionid.data.calibration import Calibration
+
+try:
+    import mujoco_warp
+except ImportError:
+    raise SystemExit("on_warp: mujoco-warp is missing: pip install mujoco-warp") from None
 
 CARDS = ("dfki_c1", "emps", "simple_pendulum", "xl330_m1")
 LUGRE = {
