@@ -1,6 +1,7 @@
 """Where results are printed, the same as text or HTML, and the descriptions of kinds."""
 
 import io
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
@@ -51,12 +52,12 @@ def printed_html(show: Callable[[], object]) -> str:
     )
 
 
-class Shown:
-    """A result that prints itself by `show`, at the prompt and in a notebook."""
+class Shown(ABC):
+    """A result that prints itself, at the prompt and in a notebook."""
 
+    @abstractmethod
     def show(self) -> None:
         """Print it."""
-        raise NotImplementedError
 
     def __repr__(self) -> str:
         return printed(self.show).rstrip("\n")

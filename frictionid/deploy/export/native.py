@@ -153,13 +153,15 @@ def lost_bristles(model: ExportedFriction) -> list[str]:
 
 def lost_in_mjx(model: ExportedFriction, actuators: Sequence[bytes]) -> list[str]:
     """A sentence on what MJX 3.17 has in place of dcmotors, where the new actuators have some."""
-    if not any(b"<dcmotor" in actuator for actuator in actuators):
+    if b"<dcmotor" not in b"".join(actuators):
         return []
     said = "MJX 3.17 takes no dcmotor (MuJoCo Warp does)"
     if model.data is not None and is_native(model):
         cost = cost_of(model, nearest(model))
-        said += f"; the nearest frictionloss and damping are {cost.apart:.2g} {cost.unit} from ours"
-        said += f" after {model.horizon:g} s"
+        said += (
+            f"; the nearest frictionloss and damping are {cost.apart:.2g} {cost.unit} from ours "
+            f"after {model.horizon:g} s"
+        )
     return [said]
 
 

@@ -40,14 +40,14 @@ def in_mujoco(
     if not len(initial.q):
         return None
     spec = without_shapes(mujoco.MjSpec.from_string(xml))
-    runs = [replayed(model, initial, run_by_engine(spec.compile(), model, initial, passive))]
+    held, at_once = run_by_engine(spec.compile(), model, initial, passive), None
     if any(a.nsample for a in spec.actuators):
         for a in spec.actuators:
             a.delay, a.nsample = 0.0, 0
-        held = run_by_engine(spec.compile(), model, initial, passive)
-        runs.append(replayed(model, initial, held))
-    at_once = runs[-1].mean_apart if runs[1:] else None
-    return runs[0]._replace(engine=f"MuJoCo {mujoco.__version__}", at_once=at_once)
+        others = run_by_engine(spec.compile(), model, initial, passive)
+        at_once = replayed(model, initial, others).mean_apart
+    run = replayed(model, initial, held)
+    return run._replace(engine=f"MuJoCo {mujoco.__version__}", at_once=at_once)
 
 
 def sentence(replay: Replay, horizon: float) -> str:

@@ -297,7 +297,7 @@ def prepare_fit(
 
     use : (K,) true for the intervals that may be used, all by default
     curves : whether a static network is fitted as a curve
-    before : of the same fit, with more free parameters as a rule
+    before : see `shooting_problem`
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     settings = settings.at(float(np.median(intervals.dt)))
