@@ -135,6 +135,8 @@ def said_once() -> Iterator[None]:
 def running(names: Sequence[str], title: str, jobs: int = 1) -> Iterator[Done]:
     """A bar that shows what runs; call what it gives with the name of each finished step.
 
+    Where no terminal shows it, each finished step is a line.
+
     names : of all steps, in the order in which they begin, `jobs` at a time
     """
     left = list(names)
@@ -147,5 +149,7 @@ def running(names: Sequence[str], title: str, jobs: int = 1) -> Iterator[Done]:
         def done(name: str) -> None:
             left.remove(name)
             count(now())
+            if len(names) > 1 and not (sys.stderr.isatty() or is_quiet()):
+                typer.echo(f"{len(names) - len(left)} of {len(names)} done: {name}", err=True)
 
         yield done

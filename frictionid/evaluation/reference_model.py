@@ -51,7 +51,12 @@ class StartErrors(NamedTuple):
     @property
     def level(self) -> float:
         """Geometric mean, over the recordings, of the mean size of their errors."""
-        return float(np.exp(np.log(_means(self.size, self.group)).mean()))
+        return float(np.exp(np.log(self.means).mean()))
+
+    @property
+    def means(self) -> Array:
+        """Mean size (G,) of the errors in each recording."""
+        return _means(self.size, self.group)
 
     @property
     def diverged(self) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
 from frictionid.evaluation.statistics import FEWEST, REGION
 
-from .candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge, under
+from .candidates import Candidate, Measure, candidates_of, contrast, judged, recipe_to_judge, under
 from .numbers import added, factor
 from .plausibility import FAILED, NOT_EVALUATED
 from .questions import Asked, Question, questions_to, unanswered
@@ -25,6 +25,7 @@ from .tables import lines_of, render
 HORIZON = 0.5  # [s]
 RECOMMENDED, SIMPLE, UNDECIDED = "recommended", "simple_enough", "undecided"
 KINDS = (RECOMMENDED, SIMPLE, UNDECIDED, NOT_EVALUATED)
+STRAY = 10.0  # times as far off as in most recordings: one that needs a look
 MANY = 10  # times as many recordings: beyond that their number says little
 MODEL = "Which friction model do these data support?"
 WHOLE = "At least three recordings, so that each can be held out as a whole."
@@ -149,8 +150,8 @@ def _decided(
     assert choice.best is not None and choice.simplest is not None and choice.adequate is not None
     simplest, adequate = compared[choice.simplest], compared[choice.adequate]
     provisional = _refined(adequate, verdict.candidates)
-    kind = UNDECIDED
-    if choice.recommended is not None:
+    kind, coarser = UNDECIDED, _coarser(simplest, provisional, verdict.candidates)
+    if choice.recommended is not None or coarser:
         kind = SIMPLE if _is_simplest(adequate, compared) else RECOMMENDED
     recommended = None if kind == UNDECIDED else provisional.name
     error = verdict.measure.words(provisional.error)
@@ -161,6 +162,7 @@ def _decided(
         "model": provisional.name,
         "adequate": adequate.name,
         "simplest": simplest.name,
+        "coarser": "" if choice.recommended is not None else coarser,
         "error": error,
         "within": f"by recipe {verdict.recipe}, " if several else "",
         "others": len(compared) - 1,
@@ -199,6 +201,17 @@ def _refined(chosen: Candidate, candidates: Sequence[Candidate]) -> Candidate:
     return min(finer, key=lambda c: c.level, default=chosen)
 
 
+def _coarser(simple: Candidate, refined: Candidate, candidates: Sequence[Candidate]) -> str:
+    """By which factor a model that nothing refined is practically farther off than a refined one.
+
+    "" where it is not, or was refined itself: then both are judged by the same recipe.
+    """
+    if refined.model.refined is None or _refined(simple, candidates) is not simple:
+        return ""
+    against = contrast([simple], [refined])
+    return times(against.factor) if against and against.answer == "yes" else ""
+
+
 def _identified(chosen: Candidate, candidates: Sequence[Candidate]) -> str:
     """What richer laws by the same recipe show, see `added`."""
     if chosen.model.refined is None:
@@ -221,12 +234,16 @@ def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -
     recordings = data.description.recordings
     last = data.reported[-1] if data.reported else float("nan")
     undecided = simplest.loss if kind == UNDECIDED else None
+    means, which = model.errors.means, np.unique(model.errors.group)
+    farther = float(means.max() / np.median(means))
     context = {
         "model": model,
         "simplest": simplest,
         "undecided": undecided and times(undecided.factor),
         "needed": undecided and recordings_needed(recordings, undecided.factor),
         "recordings": recordings,
+        "stray": int(which[means.argmax()]) + 1 if farther > STRAY else None,
+        "farther": factor(farther),
         "fewest": FEWEST,
         "many": MANY,
         "share": data.value(model.model, rollout(last, "diverged")),

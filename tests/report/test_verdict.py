@@ -52,6 +52,28 @@ def test_data_that_cannot_tell_say_so_and_how_much_to_record(tmp_path):
     assert "recordings in place of 5" in found.record_next
 
 
+def test_a_refined_model_is_taken_where_the_simpler_one_was_not_refined_and_is_farther_off(
+    tmp_path,
+):
+    """By one recipe the data cannot tell the two apart; only one of them was fitted by a better."""
+    noise = [0.02, -0.02, 0.01, -0.01]
+    rich, plain = model("rich", 0.4, size=40), model("plain", 0.43, noise=noise)
+    refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.01, joint=0)])
+    shot = made.task("rich", 0.3, 0.1, noise=SHARED, fit="shooting", refined=refined)
+    for task in (rich, plain):
+        task["method"] = {"corrects": ["inertia"]}
+    found = verdict(tmp_path, [rich, plain, shot])
+    assert (found.kind, found.recommended) == ("recommended", "rich (shooting)")
+    assert "plain (integral), which was not refined, is 4." in found.sentence
+    assert "these data cannot tell it from rich (integral)" in found.sentence
+
+
+def test_a_recording_that_a_model_misses_is_the_main_doubt(tmp_path):
+    found = verdict(tmp_path, [model("a", 0.01, noise=[0, 0, 0.3, 0]), model("b", 0.9, size=9)])
+    assert found.recommended == "a"
+    assert found.main_doubt == "In recording 3 of 5 its error is 61 times that in most others."
+
+
 @pytest.mark.parametrize(
     ("term", "error", "recommended"),
     [("coulomb", 0.01, "rich (shooting)"), ("coulomb", 0.1, "terms"), ("sign_1", 0.01, "terms")],
