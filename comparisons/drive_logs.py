@@ -10,7 +10,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import compiled, inlined
+from frictionid.programs.machine_code import compiled, inlined
 
 _FINE = 1e-5  # [s], substeps
 

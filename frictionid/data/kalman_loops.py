@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import compiled, inlined
+from frictionid.programs.machine_code import compiled, inlined
 
 _FIXED = 3  # samples that determine the state; their innovations do not depend on the noise
 _FLOOR = 1e-24  # of the variance: the resolution of stored numbers

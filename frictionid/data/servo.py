@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from frictionid.arrays import usual_step
-from frictionid.programs.loops import compiled
+from frictionid.programs.machine_code import compiled
 
 from .envelope import Envelope, of_motor
 from .signals import Array, Signal, holds, sample

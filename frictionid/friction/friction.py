@@ -15,7 +15,7 @@ import numpy as np
 from frictionid.arrays import Array, like, namespace, numbers_like, plain
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
-from frictionid.programs.loops import compiled
+from frictionid.programs.machine_code import compiled
 
 from .constraints import Constraints, present
 from .law import Inputs, Law, Memory, at_rest, check_temperature

@@ -1,9 +1,13 @@
-"""A program: named inputs, one operation a line, named outputs; all languages start from it."""
+"""A program: named inputs, one operation a line, named outputs; all languages start from it.
+
+Programs are recorded operation by operation, and so are their derivatives.
+"""
 
 import math
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 
@@ -154,3 +158,165 @@ def _renumbered(program: Program, kept: Sequence[int]) -> Program:
     lines = tuple(Line(line.operation, moved(line.operands)) for line in program.lines)
     outputs = {name: moved(entries) for name, entries in program.outputs.items()}
     return Program(program.inputs, lines, outputs)
+
+
+class Recorder:
+    """Lines that were recorded; the same operation on the same values is one line."""
+
+    def __init__(self, inputs: tuple[str, ...]) -> None:
+        self.inputs = inputs
+        self.lines: dict[Line, Value] = {}
+
+    def record(self, operation: str, *operands: Operand) -> Operand:
+        """Value of an operation: a number where all operands are."""
+        if (simple := _simplified(operation, operands)) is not None:
+            return simple
+        if operation == "power" and operands[1] == 2.0:  # much faster in most languages
+            operation, operands = "multiply", (operands[0], operands[0])
+        line = Line(operation, operands)
+        if line not in self.lines:
+            self.lines[line] = Value(len(self.inputs) + len(self.lines))
+        return self.lines[line]
+
+    def run(
+        self, program: Program, values: Mapping[str, Operand]
+    ) -> dict[str, tuple[Operand, ...]]:
+        """Outputs of a program on values of its inputs, with lines for what it does."""
+        functions = {name: partial(self.record, name) for name in OPERATIONS}
+        return {name: tuple(row) for name, row in program.run(values, functions).items()}
+
+    def program(self, outputs: Mapping[str, tuple[Operand, ...]]) -> Program:
+        """Program of those of the lines that its outputs need."""
+        return needed(Program(self.inputs, tuple(self.lines), outputs))
+
+
+def _simplified(operation: str, operands: tuple[Operand, ...]) -> Operand | None:
+    """What needs no line: numbers alone, and sums and products with 0 and 1."""
+    if not any(isinstance(v, Value) for v in operands):
+        return OPERATIONS[operation](*operands)
+    if operation == "select":
+        test, yes, no = operands
+        if not isinstance(test, Value):
+            return yes if test else no
+        return yes if yes == no else None
+    if len(operands) == 1:
+        return None
+    a, b = operands
+    if operation == "multiply":
+        return 0.0 if 0.0 in (a, b) else b if a == 1.0 else a if b == 1.0 else None
+    if operation == "add":
+        return b if a == 0.0 else a if b == 0.0 else None
+    if operation == "subtract":
+        return a if b == 0.0 else None
+    if operation in ("divide", "power") and b == 1.0:
+        return a
+    if operation == "divide" and a == 0.0:
+        return 0.0
+    return None
+
+
+# --- Derivatives: forward mode, exact [Griewank2008] ----------------------------------------------
+
+_Record = Callable[..., Operand]
+
+
+def with_derivatives(
+    program: Program, directions: Mapping[str, Collection[str]], outputs: Collection[str]
+) -> Program:
+    """The program with derivatives of some outputs in some directions.
+
+    A kink has the derivative of one of its sides, and a step that of neither.
+
+    Parameters
+    ----------
+    directions : by a name, the inputs that grow together at the rate of one
+        The derivatives are outputs, too, named as in "Tf by w".
+
+    >>> from frictionid.programs.trace import traced
+    >>> square = traced(lambda x: {"y": x["w"] * x["w"]}, {"w": 1})
+    >>> with_derivatives(square, {"w": ["w_1"]}, ["y"]).run({"w_1": 3.0})
+    {'y': [9.0], 'y by w': [6.0]}
+    """
+    recorder = Recorder(program.inputs)
+    values: list[Operand] = [Value(k) for k in range(len(program.inputs))]
+    rates: dict[str, list[Operand]] = {
+        name: [float(x in grow) for x in program.inputs] for name, grow in directions.items()
+    }
+
+    def value(operand: Operand) -> Operand:
+        return values[operand.number] if isinstance(operand, Value) else operand
+
+    def rate(operand: Operand, along: list[Operand]) -> Operand:
+        return along[operand.number] if isinstance(operand, Value) else 0.0
+
+    for line in program.lines:
+        operands = tuple(value(x) for x in line.operands)
+        result = recorder.record(line.operation, *operands)
+        for along in rates.values():
+            changes = tuple(rate(x, along) for x in line.operands)
+            along.append(_rate(recorder.record, Line(line.operation, operands), changes, result))
+        values.append(result)
+    results = {name: tuple(value(x) for x in entries) for name, entries in program.outputs.items()}
+    for name in outputs:
+        for direction, along in rates.items():
+            rates_of_output = tuple(rate(x, along) for x in program.outputs[name])
+            results[f"{name} by {direction}"] = rates_of_output
+    return recorder.program(results)
+
+
+def _rate(record: _Record, line: Line, changes: tuple[Operand, ...], result: Operand) -> Operand:
+    """Rate of a line's value, as its operands change."""
+    if all(change == 0.0 for change in changes):
+        return 0.0
+    operation, operands = line
+    if operation in ("add", "subtract", "negative"):
+        return record(operation, *changes)
+    if operation == "select":
+        return record("select", operands[0], *changes[1:])
+    if operation in ("maximum", "minimum"):
+        first = record("less", *(operands[::-1] if operation == "maximum" else operands))
+        return record("select", first, *changes)
+    slopes = _slopes(record, operation, operands, result)
+    total: Operand = 0.0
+    for slope, change in zip(slopes, changes, strict=bool(slopes)):
+        if change != 0.0:
+            total = record("add", total, record("multiply", slope, change))
+    return total
+
+
+def _slopes(
+    record: _Record, operation: str, operands: tuple[Operand, ...], result: Operand
+) -> tuple[Operand, ...]:
+    """Slopes by each operand; of comparisons and signs, which are steps, none."""
+    a = operands[0]
+    match operation:
+        case "multiply":
+            return operands[1], a
+        case "divide":
+            by_divisor = record("negative", record("divide", result, operands[1]))
+            return record("divide", 1.0, operands[1]), by_divisor
+        case "power":
+            lower = record("power", a, record("subtract", operands[1], 1.0))
+            return record("multiply", operands[1], lower), record(
+                "multiply", result, record("log", a)
+            )
+        case "absolute":
+            return (record("sign", a),)
+        case "sqrt":
+            return (record("divide", 0.5, result),)
+        case "exp":
+            return (result,)
+        case "log":
+            return (record("divide", 1.0, a),)
+        case "log1p":
+            return (record("divide", 1.0, record("add", 1.0, a)),)
+        case "tanh":
+            return (record("subtract", 1.0, record("multiply", result, result)),)
+        case "arctan":
+            return (record("divide", 1.0, record("add", 1.0, record("multiply", a, a))),)
+        case "sin":
+            return (record("cos", a),)
+        case "cos":
+            return (record("negative", record("sin", a)),)
+        case _:
+            return ()

@@ -1,4 +1,4 @@
-"""From laws to programs: a law computes once on arrays that write down what is done to them.
+"""From laws and loops to programs: they compute once on what writes down what is done to it.
 
 Laws compute on arrays of any kind, so that they need not be written again for each language. The
 arrays here are NumPy's, with scalars that record; NumPy hands its functions over to them [NEP13],
@@ -7,14 +7,15 @@ arrays here are NumPy's, with scalars that record; NumPy hands its functions ove
 
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from functools import partial
+from functools import cache, partialmethod
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
 
-from .program import OPERATIONS, Line, Operand, Program, Value, needed
+from .program import OPERATIONS, Operand, Program, Recorder, Value
 
 _SAME = {"abs": "absolute", "fabs": "absolute", "logical_and": "and", "bitwise_and": "and"} | {
     "logical_or": "or",
@@ -25,61 +26,6 @@ _SAME = {"abs": "absolute", "fabs": "absolute", "logical_and": "and", "bitwise_a
     "fmax": "maximum",
     "fmin": "minimum",
 }
-
-
-class Recorder:
-    """Lines that were recorded; the same operation on the same values is one line."""
-
-    def __init__(self, inputs: tuple[str, ...]) -> None:
-        self.inputs = inputs
-        self.lines: dict[Line, Value] = {}
-
-    def record(self, operation: str, *operands: Operand) -> Operand:
-        """Value of an operation: a number where all operands are."""
-        if (simple := _simplified(operation, operands)) is not None:
-            return simple
-        if operation == "power" and operands[1] == 2.0:  # much faster in most languages
-            operation, operands = "multiply", (operands[0], operands[0])
-        line = Line(operation, operands)
-        if line not in self.lines:
-            self.lines[line] = Value(len(self.inputs) + len(self.lines))
-        return self.lines[line]
-
-    def run(
-        self, program: Program, values: Mapping[str, Operand]
-    ) -> dict[str, tuple[Operand, ...]]:
-        """Outputs of a program on values of its inputs, with lines for what it does."""
-        functions = {name: partial(self.record, name) for name in OPERATIONS}
-        return {name: tuple(row) for name, row in program.run(values, functions).items()}
-
-    def program(self, outputs: Mapping[str, tuple[Operand, ...]]) -> Program:
-        """Program of those of the lines that its outputs need."""
-        return needed(Program(self.inputs, tuple(self.lines), outputs))
-
-
-def _simplified(operation: str, operands: tuple[Operand, ...]) -> Operand | None:
-    """What needs no line: numbers alone, and sums and products with 0 and 1."""
-    if not any(isinstance(v, Value) for v in operands):
-        return OPERATIONS[operation](*operands)
-    if operation == "select":
-        test, yes, no = operands
-        if not isinstance(test, Value):
-            return yes if test else no
-        return yes if yes == no else None
-    if len(operands) == 1:
-        return None
-    a, b = operands
-    if operation == "multiply":
-        return 0.0 if 0.0 in (a, b) else b if a == 1.0 else a if b == 1.0 else None
-    if operation == "add":
-        return b if a == 0.0 else a if b == 0.0 else None
-    if operation == "subtract":
-        return a if b == 0.0 else None
-    if operation in ("divide", "power") and b == 1.0:
-        return a
-    if operation == "divide" and a == 0.0:
-        return 0.0
-    return None
 
 
 class Traced(np.ndarray):
@@ -313,3 +259,69 @@ def _with_zeros(program: Program, zeros: Collection[str]) -> Program:
     recorder = Recorder(program.inputs)
     values = {x: 0.0 if x in zeros else Value(k) for k, x in enumerate(program.inputs)}
     return recorder.program(recorder.run(program, values))
+
+
+# --- Loops as programs ----------------------------------------------------------------------------
+# Of what is not known yet, entries are `Number`s: they stand in arrays of objects, on which the
+# Python that is compiled otherwise runs as it is.
+
+
+class Number:
+    """A number of a program that is being written; with numbers that are known it gives another."""
+
+    __slots__ = ("operand", "recorder")
+
+    def __init__(self, recorder: Recorder, operand: Operand) -> None:
+        self.recorder, self.operand = recorder, operand
+
+    def _record(self, operation: str, *others: Any) -> Any:
+        operands = (x.operand if isinstance(x, Number) else float(x) for x in (self, *others))
+        result = self.recorder.record(operation, *operands)
+        return Number(self.recorder, result) if isinstance(result, Value) else result
+
+    def _record_behind(self, operation: str, other: Any) -> Any:
+        return Number(self.recorder, float(other))._record(operation, self)
+
+    __add__ = partialmethod(_record, "add")
+    __radd__ = partialmethod(_record_behind, "add")
+    __sub__ = partialmethod(_record, "subtract")
+    __rsub__ = partialmethod(_record_behind, "subtract")
+    __mul__ = partialmethod(_record, "multiply")
+    __rmul__ = partialmethod(_record_behind, "multiply")
+    __truediv__ = partialmethod(_record, "divide")
+    __neg__ = partialmethod(_record, "negative")
+    sin = partialmethod(_record, "sin")  # NumPy asks an entry for them
+    cos = partialmethod(_record, "cos")
+
+
+def traced_loop(
+    loop: Callable[..., object], geometry: Any, shapes: tuple[tuple[int, ...], ...], *arrays: Array
+) -> list[Any]:
+    """Traced arrays of these shapes that a loop over samples fills at one sample.
+
+    loop : called with the geometry, arrays (1, ...), and arrays of results (1, ...)
+    arrays : those that are not traced are constants
+    """
+    recorder = recorder_of(arrays)
+
+    def number(operand: Any) -> Any:
+        return Number(recorder, operand) if isinstance(operand, Value) else float(operand)
+
+    def operand(number: Any) -> Operand:
+        return number.operand if isinstance(number, Number) else float(number)
+
+    numbers = [np.frompyfunc(number, 1, 1)(np.asarray(x))[None] for x in arrays]
+    out = [np.empty((1, *shape), dtype=object) for shape in shapes]
+    interpreted(loop)(geometry, *numbers, *out)
+    return [as_traced(recorder, np.frompyfunc(operand, 1, 1)(x[0])) for x in out]
+
+
+@cache
+def interpreted(loop: Any) -> Any:
+    """The Python function that was compiled, which calls Python functions in its turn."""
+    function = getattr(loop, "__wrapped__", loop)
+    function = getattr(function, "py_func", function)
+    scope = dict(function.__globals__)
+    compiled = (name for name in function.__code__.co_names if hasattr(scope.get(name), "py_func"))
+    scope |= {name: interpreted(scope[name]) for name in tuple(compiled)}
+    return FunctionType(function.__code__, scope, function.__name__, function.__defaults__)

@@ -26,7 +26,7 @@ from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.coordinates import at_places
 from frictionid.friction.provenance import Estimate
 from frictionid.mechanics import Mechanism, Plant
-from frictionid.programs.loops import compiled
+from frictionid.programs.machine_code import compiled
 
 from ..pooling.models import place_of
 

@@ -3,8 +3,7 @@
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import called, compiled
-from frictionid.programs.machine_code import run_at
+from frictionid.programs.machine_code import called, compiled, run_at
 
 from ..tangent.tangent import MotionModel, MotorTorque, advance_in_pieces
 from .loops import begin_substep, copy, in_one, rows_of_numbers, substep

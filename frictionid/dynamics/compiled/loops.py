@@ -10,8 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
-from frictionid.programs.loops import called, compiled, kept
-from frictionid.programs.machine_code import machine_code, run_at
+from frictionid.programs.machine_code import called, compiled, kept, machine_code, run_at
 from frictionid.programs.program import Program
 from frictionid.programs.trace import without_zeros
 

@@ -11,9 +11,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.friction.coordinates import resting_parts
 from frictionid.mechanics import Partials
-from frictionid.programs.derivative import with_derivatives
 from frictionid.programs.machine_code import machine_code
-from frictionid.programs.program import Operand, Program, needed
+from frictionid.programs.program import Operand, Program, needed, with_derivatives
 from frictionid.programs.trace import without_zeros
 
 from ..state import State

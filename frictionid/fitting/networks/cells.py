@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import needs
-from frictionid.programs.loops import compiled, inlined
+from frictionid.programs.machine_code import compiled, inlined
 
 with needs("networks"):
     import torch

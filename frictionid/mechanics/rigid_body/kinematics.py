@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import inlined
+from frictionid.programs.machine_code import inlined
 
 
 @inlined

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import compiled, inlined, traced_loop
-from frictionid.programs.trace import Traced
+from frictionid.programs.machine_code import compiled, inlined
+from frictionid.programs.trace import Traced, traced_loop
 
 from .kinematics import add_to_parents, dot, momentum, motion, placements, world_inertias
 from .rnea import (

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from frictionid.programs.loops import inlined
+from frictionid.programs.machine_code import inlined
 
 from .kinematics import add_to_parents, cross_force, cross_motion, dot, momentum
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from frictionid.programs import loops as compiled
+from frictionid.programs import machine_code as compiled
 from frictionid.progress import compiling
 
 SOURCE = """
-from frictionid.programs.loops import compiled
+from frictionid.programs.machine_code import compiled
 
 @compiled
 def doubled(x):
@@ -50,7 +50,7 @@ def test_loops_that_cannot_be_kept_are_used_all_the_same(tmp_path):
 
 def test_compiled_functions_call_those_of_their_room_only():
     package = Path(compiled.__file__).parents[1]
-    files = [f for f in package.rglob("*.py") if "programs.loops import" in f.read_text()]
+    files = [f for f in package.rglob("*.py") if "programs.machine_code import" in f.read_text()]
     names = [".".join(f.relative_to(package.parent).with_suffix("").parts) for f in files]
     for name in names:
         room = name.split(".")[1]

@@ -1,10 +1,10 @@
-"""Derivatives of programs agree with differences, and machine code with the program."""
+"""Programs agree with functions of arrays, derivatives with differences, machine code with both."""
 
 import numpy as np
 import pytest
 
-from frictionid.programs.derivative import with_derivatives
 from frictionid.programs.machine_code import machine_code, run
+from frictionid.programs.program import with_derivatives
 from frictionid.programs.trace import traced
 
 FUNCTIONS = {
