@@ -1,4 +1,4 @@
-"""Files written as a whole or not at all, and JSON."""
+"""Files: read within bounds, written as a whole or not at all, as JSON, and by name."""
 
 import errno
 import hashlib
@@ -9,6 +9,7 @@ import re
 import secrets
 import shutil
 import stat
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
@@ -22,6 +23,11 @@ from frictionid.errors import InputError
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)  # no space, or no more of it for this user
 TEMPORARY = ".frictionid-"  # begins the names of files that are being written
+# Packed files are unpacked as far as a recording may be large: small ones must not fill memory.
+_SMALL, _RATIO, _LARGEST = 1 << 26, 100, 1 << 30  # [bytes], unpacked over packed, [bytes]
+CELLS = 50_000_000  # of a table
+TABLES = (".csv", ".csv.gz", ".parquet", ".xlsx", ".mat", ".npz")
+BAGS = (".mcap", ".db3")  # of ROS 2
 
 
 def regular_file(path: Path) -> Path:
@@ -55,6 +61,56 @@ def read_bytes(path: Path) -> bytes:
         return regular_file(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); check it") from None
+
+
+def most_bytes(packed: int) -> int:
+    """Largest size [bytes] that a packed file may unpack to: 64 MiB, or 100 times its own."""
+    return min(max(_SMALL, _RATIO * packed), _LARGEST)
+
+
+def unzip(content: bytes, file: str) -> bytes:
+    """Content of a file, unpacked where its name ends with .gz.
+
+    Raises
+    ------
+    InputError
+        Where it is damaged, or unpacks to more than a recording has.
+    """
+    if not file.lower().endswith(".gz"):
+        return content
+    most, parts, rest = most_bytes(len(content)), [], content
+    try:
+        while rest:  # a file may have several members
+            stream = zlib.decompressobj(wbits=31)
+            parts.append(stream.decompress(rest, most + 1))
+            most -= len(parts[-1])
+            if most < 0:
+                size = most_bytes(len(content)) / 1e6
+                raise InputError(
+                    f"{file}: {len(content) / 1e6:.3g} MB unpack to over {size:.0f} MB: unpack "
+                    "it yourself where that is right"
+                )
+            if not stream.eof:
+                raise EOFError("it is cut off")
+            rest = stream.unused_data.lstrip(b"\0")
+    except (EOFError, zlib.error) as error:
+        raise InputError(f"{file} is no whole gzip file ({error}); copy it again") from None
+    return b"".join(parts)
+
+
+def check_cells(rows: int, columns: int, file: str) -> None:
+    """Check that a packed table is not larger than memory should be.
+
+    Raises
+    ------
+    InputError
+        Where it has more cells than `CELLS`.
+    """
+    if rows * columns > CELLS:
+        raise InputError(
+            f"{file}: {rows} rows of {columns} columns are more than {CELLS} numbers: cut it into "
+            "several recordings"
+        )
 
 
 def sha256(content: bytes) -> str:
@@ -280,6 +336,37 @@ def suite_path(path: Path) -> Path:
     others = sorted(str(p) for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
     near = get_close_matches(str(path), [*others, *shipped_names("comparisons")], n=1)
     raise InputError(f"{path}: no such suite{f'; did you mean {near[0]}?' if near else ''}")
+
+
+def dataset_path(path: Path) -> Path:
+    """The dataset.toml of a path to it, or to its folder.
+
+    A name that is no path is that of a data set that comes with the package.
+
+    Raises
+    ------
+    InputError
+        Where there is none; where there are tables, with the command that describes them.
+
+    Examples
+    --------
+    >>> dataset_path(Path("acrobot_clean")).parts[-2:]
+    ('acrobot_clean', 'dataset.toml')
+    """
+    if not path.exists() and is_shipped(path, "data"):
+        path = shipped("data") / path
+    file = regular_file(path / "dataset.toml" if path.is_dir() else path)
+    bare = path.is_dir() and not file.exists()
+    if is_table(file) or (bare and any(map(is_table, path.glob("*")))):
+        raise InputError(f"{path} has no dataset.toml; write one with frictionid init {path}")
+    if not file.is_file():
+        raise InputError(f"{file} does not exist; name a folder with a dataset.toml, or that file")
+    return file
+
+
+def is_table(path: Path) -> bool:
+    """Whether a path is that of a table, or a bag, by its ending."""
+    return path.is_file() and (path.name.lower().endswith(TABLES) or path.suffix in BAGS)
 
 
 def model_path(path: Path) -> Path:

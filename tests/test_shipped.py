@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 from fixtures.refusals import assert_refused
 
-from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.errors import InputError
-from frictionid.files import shipped, shipped_names, suite_path
+from frictionid.files import dataset_path, shipped, shipped_names, suite_path
 
 
 @pytest.fixture(autouse=True)

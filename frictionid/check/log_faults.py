@@ -10,9 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.clock_facts import GAP, run_edges, usual_intervals
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import Signal
+from frictionid.data.signals import GAP, Signal, run_edges, usual_intervals
 
 from .conventions import MARGIN, log_unexplained
 from .facts import deviations, scatter_of

@@ -7,9 +7,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from frictionid.arrays import Array, usual_step
-from frictionid.data.clock_facts import run_edges
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import sample
+from frictionid.data.signals import run_edges, sample
 from frictionid.mechanics import Mechanism
 
 from .findings import Finding, finding, percent

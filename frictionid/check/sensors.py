@@ -15,9 +15,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.clock_facts import usual_intervals
 from frictionid.data.recordings import Dataset
-from frictionid.data.signals import Signal, sample
+from frictionid.data.signals import Signal, sample, usual_intervals
 from frictionid.data.state_estimators import States, resolution
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.fitting.one_step.torque_outliers import torque_outliers, with_torques_replaced

@@ -19,10 +19,9 @@ import numpy as np
 from scipy.special import ndtr, stdtrit
 
 from frictionid.arrays import MAD, Array
-from frictionid.data.clock_facts import run_edges
 from frictionid.data.envelope import Envelope, Estimated, Reached
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import Signal, holds, sample
+from frictionid.data.signals import Signal, holds, run_edges, sample
 from frictionid.data.state_estimators import States
 
 from .findings import Finding, finding

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
-from frictionid.data.clock_facts import ClockFacts, clock_of
 from frictionid.data.envelope import Reached
 from frictionid.data.recordings import Dataset
+from frictionid.data.signals import ClockFacts, clock_of
 
 from .conventions import Scored
 from .end_stops import stop_findings

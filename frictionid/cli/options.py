@@ -136,7 +136,7 @@ def setting(text: str) -> tuple[str, Any]:
 
 
 def _dataset(path: Path) -> Path:
-    from frictionid.data.readers.dataset_path import dataset_path
+    from frictionid.files import dataset_path
 
     dataset_path(path)
     return path

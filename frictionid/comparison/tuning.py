@@ -341,7 +341,7 @@ def _chosen(
 
 def _is(entry: Mapping[str, Any], file: Path, name: str) -> bool:
     """Whether an entry of a suite is the data set of a name."""
-    from frictionid.data.readers.dataset_path import dataset_path
+    from frictionid.files import dataset_path
 
     if "name" in entry:
         return bool(entry["name"] == name)

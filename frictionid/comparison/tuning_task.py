@@ -11,9 +11,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import distinct
-from frictionid.data.clock_facts import run_edges
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import taken
+from frictionid.data.signals import run_edges, taken
 from frictionid.errors import InputError, located
 from frictionid.evaluation import Protocol, Split, make_folds, score_value
 from frictionid.fitting.method import Method

@@ -22,12 +22,13 @@ import numpy as np
 
 from frictionid.arrays import MAD, Array
 
-from . import kalman_loops
 from .kalman import (
     FilterOutput,
     Series,
+    diffuse,
     kalman_filter,
     likeliest_jerk_ratio,
+    predicted,
     robust_jerk_ratio,
     smoothed_by,
 )
@@ -75,9 +76,9 @@ def _by_the_past(series: Series, fit: FilterOutput) -> tuple[Array, Array]:
     x, P = np.zeros((3, *series.value.shape)), np.zeros((6, *series.value.shape))
     x[0, 0] = series.value[0]
     dt = series.dt[min(1, len(series.dt) - 1)]
-    P[0, 0], P[3, 0], P[5, 0] = kalman_loops.diffuse(dt)
+    P[0, 0], P[3, 0], P[5, 0] = diffuse(dt)
     before = tuple(fit.mean.T[:, :-1]), tuple(fit.covariance.T[:, :-1])
-    x[:, 1:], P[:, 1:] = kalman_loops.predicted(*before, series.dt[1:], fit.rho)
+    x[:, 1:], P[:, 1:] = predicted(*before, series.dt[1:], fit.rho)
     return x, P
 
 

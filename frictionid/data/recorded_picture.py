@@ -13,8 +13,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from frictionid.arrays import Array, usual_step
 from frictionid.pictures import COLOURS, figure
 
-from .clock_facts import GAP, clock_of, run_edges, usual_intervals
-from .signals import Signal
+from .signals import GAP, Signal, clock_of, run_edges, usual_intervals
 
 _SHOWN = 20  # recordings in a table
 _QUIET = 0.5  # [s] at least

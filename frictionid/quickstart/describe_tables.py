@@ -13,13 +13,12 @@ import numpy as np
 from frictionid.check import Verdict, check
 from frictionid.check.hypotheses import ABSOLUTE, SHIFTED, TORQUE_UNITS, Convention
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.dataset_path import BAGS, TABLES, is_table
 from frictionid.data.readers.formats import ros
 from frictionid.data.readers.table import Table, numeric_table, with_times
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
-from frictionid.files import read_bytes
+from frictionid.files import BAGS, TABLES, is_table, read_bytes
 from frictionid.mechanics import mechanism_of
 from frictionid.mechanics.mechanism_table import mechanism_kinds, mechanism_options
 

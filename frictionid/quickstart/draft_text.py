@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from frictionid.data.readers.dataset_path import BAGS
 from frictionid.data.readers.table import Table
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation.folds import usual_kind
+from frictionid.files import BAGS
 from frictionid.mechanics import Mechanism
 from frictionid.report.tables import render
 

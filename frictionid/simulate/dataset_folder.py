@@ -12,9 +12,7 @@ import tomli_w
 from pydantic import TypeAdapter, ValidationError
 
 from frictionid.config import nearest, place_of, read_toml
-from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import Array
-from frictionid.data.two_clock_table import (
+from frictionid.data.readers.csv_table import (
     CAMERA,
     DRIVE,
     csv_text,
@@ -22,6 +20,8 @@ from frictionid.data.two_clock_table import (
     joint_columns,
     two_clock_csv,
 )
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.files import read_bytes, sha256, write_bytes
 from frictionid.outputs import check_writable, replace_files

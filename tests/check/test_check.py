@@ -22,10 +22,10 @@ from frictionid.check.motion import adapted, motions_of, unit_balances, unit_row
 from frictionid.check.regression import regress
 from frictionid.check.verdict import judge
 from frictionid.comparison.fit_model import fit_model
-from frictionid.data.clock_facts import clock_of
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.signals import clock_of
 from frictionid.evaluation import Protocol, prepare
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous

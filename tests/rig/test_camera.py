@@ -22,9 +22,8 @@ from fixtures.simulated_films import (
 )
 from numpy.testing import assert_allclose
 
-from frictionid.data.marker_geometry import flattened
 from frictionid.data.recordings import TrueMotion
-from frictionid.rig.camera.angles import angles_csv, calibrate_view, joined_turns
+from frictionid.rig.camera.angles import angles_csv, calibrate_view, flattened, joined_turns
 from frictionid.rig.camera.film import write_film
 from frictionid.rig.camera.marker_setup import Camera, Links, Marker, MarkerSetup
 from frictionid.rig.camera.propose import propose
@@ -128,7 +127,7 @@ def test_calibration_finds_the_plane_that_keeps_links_as_long_as_they_are():
     found = calibrate_view(markers, sigma, all_seen, view.size, **known)
     plain = calibrate_view(markers, sigma, all_seen, view.size, view=False, **known)
     assert np.nanstd(found.residual) < 0.06 < 0.3 * np.nanstd(plain.residual)
-    flat = flattened(markers, found.plane)
+    flat = flattened(markers, found.size, found.shape)
     length = np.linalg.norm(np.diff(flat, axis=1), axis=-1)
     assert_allclose(length.mean(0) / length.mean(0)[0], [1, 175 / 153], rtol=1e-3)
 

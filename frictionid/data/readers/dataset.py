@@ -13,13 +13,12 @@ import numpy as np
 
 from frictionid.config import imported, nearest, read_toml, untrusted
 from frictionid.errors import InputError
-from frictionid.files import read_bytes, sha256
+from frictionid.files import dataset_path, read_bytes, sha256
 from frictionid.mechanics import Mechanism, mechanism_of
 
 from ..recordings import Dataset, Recording
 from ..signals import Signal, cut
 from .column_toml import CURRENTS, OWN, check_per_joint
-from .dataset_path import dataset_path
 from .dataset_toml import DatasetToml, check_dataset_toml
 from .formats import READERS, part_of
 from .public_collections import cached, check_file, download_hint

@@ -19,8 +19,6 @@ from pydantic_core import PydanticCustomError
 from frictionid.config import Strict, checked
 from frictionid.errors import InputError
 
-from .actuator_toml import Actuator
-from .base_toml import Base
 from .column_toml import (
     CURRENTS,
     OWN,
@@ -37,6 +35,7 @@ from .column_toml import (
     unit_named,
 )
 from .formats import part_of
+from .machine_toml import Actuator, Base
 from .table import Table
 
 Directions = Each[Literal[1, -1]]

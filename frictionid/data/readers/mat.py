@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from frictionid.errors import InputError
+from frictionid.files import most_bytes
 
 from ..signals import Array
-from .unpacking import most_bytes
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictionid.errors import InputError, needs
+from frictionid.files import BAGS, TABLES, check_cells, most_bytes, unzip
 
 from ..signals import Array, Signal, first_fault
 from .csv_table import check_header, csv_columns
-from .dataset_path import BAGS, TABLES
 from .mat import mat_column, mat_names, of_usual_length, read_mat
-from .unpacking import check_cells, most_bytes, unzip
 
 # Formats that only readers of their own understand.
 OTHERS = (".json", ".json.gz", ".txt", ".txt.gz", *BAGS)

@@ -13,9 +13,9 @@ from ..base_motion import Mounting, base_motion
 from ..recording import Recording, TrueMotion
 from ..servo import Servo, servo_torque
 from ..signals import Signal, check_span
-from .base_toml import Base
 from .column_toml import CURRENTS, OWN, UNITS, Motor
 from .dataset_toml import DatasetToml
+from .machine_toml import Base
 from .table import Table, signal_of
 
 _GAPS = 2.0  # of the targets' usual gaps, by which they may begin late or end early

@@ -20,10 +20,9 @@ import numpy as np
 
 from frictionid.arrays import MAD, Array, joined, times, usual_step
 from frictionid.data.calibration import Calibration
-from frictionid.data.clock_facts import run_edges
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import holds
+from frictionid.data.signals import holds, run_edges
 from frictionid.evaluation import (
     EstimatedStates,
     Prepared,

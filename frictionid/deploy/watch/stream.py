@@ -9,11 +9,11 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import read_toml
-from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.data.readers.table import rate_of, read_table
 from frictionid.data.readers.table_recording import signals_of
 from frictionid.errors import InputError
+from frictionid.files import dataset_path
 
 _PAUSE = 0.02  # [s] between two looks
 _MOST = 1 << 20  # bytes at a time

@@ -10,10 +10,10 @@ import numpy as np
 
 from frictionid.config import NonEmpty, Strict, checked
 from frictionid.data.readers.column_toml import UNITS
+from frictionid.data.readers.csv_table import joint_columns
 from frictionid.data.readers.table import read_table, signal_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import TORQUE_HOLD, Signal, cut
-from frictionid.data.two_clock_table import joint_columns
 from frictionid.errors import InputError
 from frictionid.files import read_bytes, sha256
 from frictionid.mechanics import Mechanism, mechanism_of

@@ -15,9 +15,9 @@ from frictionid.check.motion import MIN_WINDOWS, motions_of, unit_rows
 from frictionid.config import read_toml
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
+from frictionid.data.readers.csv_table import CAMERA, DRIVE, decimal_cells, two_clock_csv
 from frictionid.data.readers.table import table_name
 from frictionid.data.signals import TORQUE_HOLD, Signal
-from frictionid.data.two_clock_table import CAMERA, DRIVE, decimal_cells, two_clock_csv
 from frictionid.errors import InputError
 from frictionid.files import read_bytes, sha256, write_bytes, write_text
 from frictionid.fitting.one_step.balances import Rows

@@ -6,15 +6,15 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from frictionid.arrays import Array
-from frictionid.data.marker_geometry import Plane, flattened, link_lengths, mirror
-from frictionid.data.two_clock_table import csv_text
+from frictionid.data.readers.csv_table import csv_text
+from frictionid.data.readers.formats.markers import link_lengths, mirror
 from frictionid.errors import InputError
 
 from .follow import Markers, unwrapped_direction
 from .marker_setup import Camera, MarkerSetup
 
 _MAX_FRAMES = 600
-# Prior standard deviations of stretch, slant and bulge, see Plane, and of a given pivot [px].
+# Prior standard deviations of stretch, slant and bulge, and of a given pivot [px].
 _PLANE_SIGMA = np.array([0.01, 0.01, 0.05, 0.05, 0.05])
 _PIVOT_SIGMA = 3.0
 _FLOOR = 0.05  # [px], added to the noise
@@ -24,18 +24,40 @@ _HUBER = 2.0  # standard deviations from which on the cost grows linearly
 _RATIO = 0.1  # by which the links' lengths may contradict the picture
 
 
+def flattened(points: Array, size: tuple[int, int], shape: tuple[float, ...]) -> Array:
+    """Points (..., 2) [px] as a camera without tilt and lens distortion would see them [px].
+
+    With p from the picture's middle in half diagonals, p <- p (1 + bulge |p|^2), then
+    p <- p / (1 + slant p), then p <- p + [[a, b], [b, -a]] p; see `ViewCalibration`.
+
+    >>> flattened(np.array([[10.0, 20.0]]), (640, 480), (0.0, 0.0, 0.0, 0.0, 0.0))
+    array([[10., 20.]])
+    """
+    stretch, diagonal, right, down, bulge = shape
+    middle = (np.array(size, float) - 1) / 2
+    half = np.linalg.norm(middle)
+    p = (np.asarray(points, float) - middle) / half
+    p = p * (1.0 + bulge * (p**2).sum(-1, keepdims=True))
+    p = p / (1.0 + p @ np.array([right, down]))[..., None]
+    p = p + p @ np.array([[stretch, diagonal], [diagonal, -stretch]])
+    return middle + half * p
+
+
 class ViewCalibration(NamedTuple):
     """View of a camera onto the plane of motion.
 
     Attributes
     ----------
-    plane : map from the picture to the plane of motion
+    size : width and height of the picture [px]
+    shape : stretch along x against y and along the diagonal, slant to the right and downwards
+        (perspective), bulge (lens distortion); relative to the half diagonal, about the middle
     pivot : array, shape (2,) [px], corrected; None where the pivot is a dot
     lengths : array, shape (n,) [px], of the links in the plane
     residual : array, shape (T, n) [px], measured minus estimated length, nan where an end is hidden
     """
 
-    plane: Plane
+    size: tuple[int, int]
+    shape: tuple[float, ...]
     pivot: Array | None
     lengths: Array
     residual: Array
@@ -80,8 +102,8 @@ def calibrate_view(
     # from the last unknowns to the lengths of the links
     ratio = np.eye(n) if lengths is None else np.asarray(lengths)[:, None] / lengths[0]
 
-    def plane(x: Array) -> Plane:
-        return Plane(size, tuple(x[:5] * free))
+    def shape(x: Array) -> tuple[float, ...]:
+        return tuple(x[:5] * free)
 
     def shift(x: Array) -> Array:
         return x[5:7] * fixed
@@ -92,7 +114,7 @@ def calibrate_view(
     def longer(x: Array, markers: Array) -> Array:  # measured minus estimated lengths (T, n) [px]
         moved = markers.copy()
         moved[:, 0] += shift(x)
-        return link_lengths(flattened(moved, plane(x))) - lengths_of(x)
+        return link_lengths(flattened(moved, size, shape(x))) - lengths_of(x)
 
     def residual(x: Array) -> Array:
         off = _huber(longer(x, markers[rows]) / noise)
@@ -105,7 +127,7 @@ def calibrate_view(
     x = least_squares(residual, np.concatenate([np.zeros(7), first]), x_scale=scale).x
     pivot = markers[0, 0] + shift(x) if fixed else None
     off = np.where(both, longer(x, markers), np.nan)
-    return ViewCalibration(plane(x), pivot, lengths_of(x), off)
+    return ViewCalibration(size, shape(x), pivot, lengths_of(x), off)
 
 
 def link_noise(sigma: Array) -> Array:
@@ -212,7 +234,7 @@ def _angles(
     Whole turns are those of the tracker's prediction, which counts how often a link went round,
     and across short gaps those of `joined_turns`, which knows both sides.
     """
-    flat = flattened(markers, calibration.plane)
+    flat = flattened(markers, calibration.size, calibration.shape)
     link = np.diff(mirror(flat) if camera.mirrored else flat, axis=1)
     both = seen[:, 1:] & seen[:, :-1]
     guide = -tracks.theta if camera.mirrored else tracks.theta

@@ -39,7 +39,7 @@ class Tracked:
             "frames": len(angles.state),
             "states": {s: angles.state.count(s) for s in (FOUND, PREDICTED, LOST)},
             "sigma": np.nanmedian(angles.sigma, axis=0),
-            "plane": list(angles.calibration.plane.shape),
+            "plane": list(angles.calibration.shape),
         }
 
     def __repr__(self) -> str:
@@ -49,7 +49,7 @@ class Tracked:
         lines = [f"{numbers['frames']} frames: {states}"]
         for j, sigma in enumerate(numbers["sigma"], start=1):
             lines.append(f"q{j}: median standard deviation {np.degrees(sigma):.3f} deg")
-        shape = angles.calibration.plane.shape
+        shape = angles.calibration.shape
         if any(shape):
             _, _, right, down, bulge = shape
             lines.append(

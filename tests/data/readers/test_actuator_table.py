@@ -12,7 +12,7 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
-from frictionid.data.readers.actuator_toml import Actuator
+from frictionid.data.readers.machine_toml import Actuator
 from frictionid.data.servo import motor_torque, play
 from frictionid.data.signals import Signal
 

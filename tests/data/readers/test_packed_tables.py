@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from fixtures.refusals import assert_refused
 
-from frictionid.data.readers import unpacking
+from frictionid import files
 from frictionid.data.readers.csv_table import number
 from frictionid.data.readers.table import read_table
 from frictionid.errors import InputError, printable
@@ -69,7 +69,7 @@ def test_ordinary_packed_tables_are_read_however_well_they_pack():
 def test_parquet_of_too_many_rows_is_refused_before_it_is_unpacked(monkeypatch):
     stream = io.BytesIO()
     pd.DataFrame({"q": np.zeros(1000)}).to_parquet(stream)
-    monkeypatch.setattr(unpacking, "CELLS", 999)
+    monkeypatch.setattr(files, "CELLS", 999)
     with assert_refused("1000 rows of 1 columns are more than 999 numbers: cut"):
         read_table(stream.getvalue(), "a.parquet", ["q"])
 

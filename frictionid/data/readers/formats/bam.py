@@ -18,13 +18,12 @@ from pydantic import Field, PositiveFloat
 
 from frictionid.config import Strict, checked
 from frictionid.errors import InputError
-from frictionid.files import read_bytes
+from frictionid.files import read_bytes, unzip
 
 from ...recordings import Recording
 from ...servo import Servo, servo_torque, terminal_voltage
 from ...signals import Array, Signal, first_fault, taken
 from ..table import table_name
-from ..unpacking import unzip
 
 # Firmware of the XL330: 4096 counts a turn, divided by 256 times a full duty of 885.
 XL330_GAIN = 4096 / (2 * math.pi) / (256 * 885)

@@ -16,11 +16,11 @@ import numpy as np
 
 from frictionid.config import Strict, checked
 from frictionid.errors import InputError
+from frictionid.files import unzip
 
 from ..column_toml import ColumnNames
 from ..csv_table import cell_number, is_number, separator_of
 from ..table import Table
-from ..unpacking import unzip
 
 _HEAD, _BELOW = 200, 60  # lines that may stand above the names, and between these and the numbers
 _NUMBERED = re.compile(r"\[\d+\]\Z")

@@ -1,4 +1,9 @@
-"""Reader `markers`: joint angles from places of pivot, joints and tip in pictures."""
+"""Reader `markers`: joint angles from places of pivot, joints and tip in pictures.
+
+Pixels count to the right and downwards. Angles are those of the mechanisms: 0 hangs down,
+counter-clockwise in the picture is positive; the first is absolute, each other one relative to the
+link before.
+"""
 
 from collections.abc import Mapping
 from functools import partial
@@ -12,7 +17,6 @@ from frictionid.config import Strict, checked
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 
-from ...marker_geometry import hold_pivot, link_angles, link_lengths, mirror
 from ...recordings import Recording
 from ...signals import Array, Signal
 from ..column_toml import UNITS, Column
@@ -86,3 +90,60 @@ def _angles(markers: Array, settings: MarkerSettings, table: Table) -> Array:
             "coincide, so that there is no angle; repair or delete the row"
         )
     return link_angles(markers)
+
+
+def link_angles(markers: Array) -> Array:
+    """Joint angles of a chain of links by their ends, shape (T, n) [rad], unwrapped.
+
+    theta_i = atan2(x_i+1 - x_i, y_i+1 - y_i),  q_1 = theta_1,  q_i = theta_i - theta_i-1
+
+    Each starts within (-pi, pi] and changes by less than half a turn between frames.
+
+    Parameters
+    ----------
+    markers : array, shape (T, n + 1, 2), any unit of length
+        Pivot, the joints behind it and the tip; x to the right, y downwards.
+
+    Examples
+    --------
+    A link to the right of the pivot, the next one straight up from its end:
+
+    >>> np.degrees(link_angles(np.array([[[0.0, 0.0], [5.0, 0.0], [5.0, -3.0]]])))
+    array([[90., 90.]])
+    """
+    link = np.diff(np.asarray(markers, float), axis=1)
+    absolute = np.arctan2(link[..., 0], link[..., 1])
+    relative = np.diff(absolute, axis=1, prepend=0.0)
+    within_a_turn = np.pi - np.mod(np.pi - relative, 2 * np.pi)  # in (-pi, pi]
+    return np.unwrap(within_a_turn, axis=0)
+
+
+def link_lengths(markers: Array) -> Array:
+    """Distances of neighbouring markers (T, n + 1, 2), shape (T, n), in the markers' unit.
+
+    >>> link_lengths(np.array([[[0.0, 0.0], [3.0, 4.0]]]))
+    array([[5.]])
+    """
+    return np.linalg.norm(np.diff(np.asarray(markers, float), axis=1), axis=-1)
+
+
+def hold_pivot(markers: Array) -> Array:
+    """The markers (T, n + 1, 2) with the pivot at its median over time, for a fixed one.
+
+    >>> seen = np.array([[[0.0, 1.0], [2.0, 9.0]], [[4.0, 1.0], [3.0, 9.0]]])
+    >>> hold_pivot(seen)[:, 0]
+    array([[2., 1.],
+           [2., 1.]])
+    """
+    markers = np.array(markers, float)
+    markers[:, 0] = np.median(markers[:, 0], axis=0)
+    return markers
+
+
+def mirror(markers: Array) -> Array:
+    """The markers as seen from the other side, left and right exchanged.
+
+    >>> mirror(np.array([[[2.0, 3.0]]]))
+    array([[[-2.,  3.]]])
+    """
+    return np.asarray(markers, float) * np.array([-1.0, 1.0])

@@ -14,11 +14,11 @@ import numpy as np
 
 from frictionid.config import Strict, checked, nearest
 from frictionid.errors import InputError
+from frictionid.files import BAGS
 
 from ...recordings import Recording
 from ...signals import Array, Signal, first_fault
 from ..column_toml import ColumnNames
-from ..dataset_path import BAGS
 from ..table import Table, table_name
 
 _KIND = "sensor_msgs/msg/JointState"

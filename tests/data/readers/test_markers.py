@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.data.marker_geometry import hold_pivot, link_angles, mirror
+from frictionid.data.readers.formats.markers import hold_pivot, link_angles, mirror
 
 
 def seen(angles, lengths):
