@@ -23,7 +23,7 @@ from fixtures.drive_ports import flood, logger, setup, until
 
 from frictionid.rig.logfile import read_log
 from frictionid.rig.rig_settings import parsed, written
-from frictionid.rig.virtual_port import Terminal
+from frictionid.rig.virtual_drive import Terminal
 
 LINES, DAMAGED, UNPLUGGED = 600_000, 0.01, 3
 KILLED, RATE = 50, 1000

@@ -2,6 +2,5 @@
 
 from .design import Design, Search, design_signals, monte_carlo
 from .experiment import Experiment, limits_of, load_mechanism, prior_friction_of
-from .information import Information, covariances, expected_information
-from .signals import Motions, predict_motions
+from .information import Information, Motions, covariances, expected_information, predict_motions
 from .trajectory_design import TrajectoryDesign, TrajectoryTask, design_trajectories

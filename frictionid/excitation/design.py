@@ -22,8 +22,17 @@ from frictionid.errors import InputError
 from frictionid.progress import Done, say_nothing
 
 from .experiment import Experiment
-from .information import Concatenated, Information, covariances, equations, expected_information
-from .signals import Motions, jerk_decades, predict_motions, smoothed_states
+from .information import (
+    Concatenated,
+    Information,
+    Motions,
+    covariances,
+    equations,
+    expected_information,
+    jerk_decades,
+    predict_motions,
+    smoothed_states,
+)
 
 # Standard errors that count as one, over the best of any single recording: of base parameters, and
 # at most of friction (plain sines may be worse).

@@ -11,7 +11,7 @@ import pandas as pd
 
 from frictionid.excitation.design import OTHER_SCALES, Design
 from frictionid.excitation.experiment import DECIMALS
-from frictionid.excitation.signals import MARGIN
+from frictionid.excitation.information import MARGIN
 from frictionid.excitation.trajectory_design import TrajectoryDesign
 
 from .figures import style

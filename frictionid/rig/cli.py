@@ -301,9 +301,9 @@ def simulate_drive(
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
 
+    from .playback import torque_of
     from .rig_settings import load_rig_settings
-    from .virtual_drive import Drive, torque_of
-    from .virtual_port import Playback, Terminal
+    from .virtual_drive import Drive, Playback, Terminal
 
     if not speed > 0:
         raise InputError(f"--speed {speed:g} must be positive")

@@ -15,6 +15,7 @@ import numpy as np
 from frictionid.arrays import usual_step
 from frictionid.config import Positive, validated
 from frictionid.data.readers.table import read_table, signal_of
+from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
@@ -78,6 +79,23 @@ def load_signal(path: Path, rig: RigSettings) -> Signal:
                 f"{motor.limit:g} N m; make the signal smaller"
             )
     return torque._replace(time=torque.time - torque.time[0])
+
+
+def torque_of(dataset: Dataset, name: str = "") -> Signal:
+    """Torque of the driven joints of a recording, by default the first one, on the angles' span.
+
+    Raises
+    ------
+    InputError
+        Where there is no recording of that name.
+    """
+    recording = dataset[name] if name else dataset.recordings[0]
+    driven = np.array(dataset.mechanism.driven)
+    torque, last = recording.torque, float(recording.angle.time[-1])
+    time, value = torque.time, torque.value[:, driven]
+    if last > time[-1]:
+        time, value = np.append(time, last), np.concatenate([value, value[-1:]])
+    return Signal(time, value, torque.hold)
 
 
 def excite(logger: Logger, signal: Signal, settings: PlaySettings, stop: Callable[[], str]) -> str:

@@ -31,8 +31,8 @@ from frictionid.excitation.information import (
     Concatenated,
     base_jacobian,
     friction_jacobian,
+    smoother_gains,
 )
-from frictionid.excitation.signals import smoother_gains
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction, one_step_problem

@@ -20,17 +20,17 @@ from hypothesis import strategies as st
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, sample
 from frictionid.rig.logfile import read_log
-from frictionid.rig.playback import PlaySettings, excite, keys, load_signal
+from frictionid.rig.playback import PlaySettings, excite, keys, load_signal, torque_of
 from frictionid.rig.rig_settings import framed, parsed, rig_settings_of
 from frictionid.rig.virtual_drive import (
     RAMP,
     SILENCE,
     Controller,
     Drive,
+    Playback,
+    Terminal,
     broken_line,
-    torque_of,
 )
-from frictionid.rig.virtual_port import Playback, Terminal
 
 QUIET = ["-c", "import sys; from frictionid.__main__ import main; sys.exit(main())"]
 

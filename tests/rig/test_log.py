@@ -22,7 +22,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from frictionid.rig.log import Counts, Port, log_until, progress, progress_line, stop_requests
 from frictionid.rig.logfile import Appender, Log, log_header, log_row, read_log
 from frictionid.rig.rig_settings import parsed, written
-from frictionid.rig.virtual_port import Terminal
+from frictionid.rig.virtual_drive import Terminal
 
 PORTS = ROOT / "tests" / "fixtures" / "drive_ports.py"
 
