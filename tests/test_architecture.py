@@ -15,7 +15,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 # From the bottom to the top: a module may import what stands before it, and its own package.
 LAYERS = (
-    *("errors", "arrays", "progress", "notebook_figure", "pictures"),
+    *("errors", "arrays", "progress", "pictures"),
     *("files", "outputs", "config"),
     "programs",
     "mechanics",

@@ -22,7 +22,7 @@ def mjcf(parameters: Mapping[str, float]) -> str:
     Parameters
     ----------
     parameters : mapping of str to float, SI
-        Those of `frictionid.mechanics.two_links`, printed inertias.
+        Those of `frictionid.mechanics.built_in`, printed inertias.
 
     Raises
     ------

@@ -14,8 +14,7 @@ from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.torque_left import means_of, row_torques
 from frictionid.fitting.one_step.residual import IN_TURN, stiction_mask
 from frictionid.mechanics import Mechanism, mechanism_of
-from frictionid.mechanics.mechanism_table import mechanism_options
-from frictionid.mechanics.rigid_body.described import FORMATS
+from frictionid.mechanics.mechanism_table import FORMATS, mechanism_options
 from frictionid.mechanics.rigid_body.robot import Joint
 
 from .column_guesses import LEFT_OVER, ColumnGuesses, guess_columns
