@@ -5,7 +5,7 @@ acceleration, and the proper acceleration of its origin, in which gravity and ac
 together: an IMU measures them, whatever the orientation. Sensors are smoothed as angles are.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,35 +22,29 @@ _UNIT = 0.1  # by which quaternions may be longer or shorter than 1
 _GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2] in the world, whose z axis points up
 
 
-class Mounting(NamedTuple):
-    """Where a sensor is in the frame of the base: roll, pitch, yaw [rad], and place [m]."""
-
-    turn: tuple[float, ...] = (0.0, 0.0, 0.0)
-    place: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-
 def base_motion(
-    mounting: Mounting,
     angular_velocity: Signal | None = None,
     specific_force: Signal | None = None,
     orientation: Signal | None = None,
     position: Signal | None = None,
+    *,
+    turn: Sequence[float] = (0.0, 0.0, 0.0),
+    place: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Signal:
     """Motion (T, 9) of the base by a sensor, see `mechanics.plant.with_base_motion`.
 
     Parameters
     ----------
-    mounting : of the sensor
     angular_velocity : (T, 3) [rad/s] in the sensor's frame; else from the orientation
     specific_force : (T, 3) [m/s^2], what an accelerometer shows; else from pose and position
     orientation : (T, 4), quaternions (w, x, y, z) of the sensor in a world whose z axis points up
     position : (T, 3) [m] of the sensor in the world; None: it does not accelerate
+    turn, place : of the sensor in the frame of the base: roll, pitch, yaw [rad], and [m]
 
     >>> time = np.linspace(0.0, 1.0, 101)
     >>> up = Signal(time, np.tile([0.0, 0.0, 9.81], (101, 1)))
     >>> turning = Signal(time, np.tile([0.0, 0.0, 2.0], (101, 1)))
-    >>> offside = Mounting(place=(0.1, 0.0, 0.0))
-    >>> base_motion(offside, turning, up).value[50].round(6) + 0.0
+    >>> base_motion(turning, up, place=(0.1, 0.0, 0.0)).value[50].round(6) + 0.0
     array([0.  , 0.  , 2.  , 0.  , 0.  , 0.  , 0.4 , 0.  , 9.81])
     """
     from scipy.spatial.transform import Rotation  # which fixed bases do not need
@@ -67,9 +61,8 @@ def base_motion(
         assert pose is not None
         force = -_GRAVITY + (0.0 if position is None else _smoothed(position)[2])
         force = Rotation.from_quat(np.roll(pose[0], -1, axis=1)).inv().apply(force)
-    onto = Rotation.from_euler("xyz", mounting.turn)
+    onto = Rotation.from_euler("xyz", turn)
     omega, rate, force = (onto.apply(x) for x in (omega, rate, force))
-    place = mounting.place
     force = force - np.cross(rate, place) - np.cross(omega, np.cross(omega, place))
     clock = next(s for s in (angular_velocity, orientation) if s is not None).time
     return Signal(clock, np.concatenate([omega, rate, force], axis=-1), "linear")

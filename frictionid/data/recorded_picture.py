@@ -5,7 +5,7 @@ A data set calls these functions to show itself, so that none of its classes is 
 
 from collections.abc import Iterator, Sequence
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -21,24 +21,19 @@ _WINDOW = 0.2  # [s] in which a joint at rest hardly moves
 _GAP, _REST, _LOST = "#F4C7B0", "#ECECEC", "#C43B1D"
 
 
-class Losses(NamedTuple):
-    """Spans (k, 2) [s] without samples, and times [s] after which single ones are missing."""
+def losses_of(time: Array) -> tuple[Array, Array]:
+    """Gaps (k, 2) [s] of a clock, and times [s] after which single samples are missing.
 
-    gaps: Array
-    dropped: Array
-
-
-def losses_of(time: Array) -> Losses:
-    """Gaps of a clock, longer than five usual intervals, and where it lacks single samples.
+    Gaps are longer than five usual intervals.
 
     >>> losses_of(np.delete(np.arange(100) * 0.01, [20, *range(50, 60)]))
-    Losses(gaps=array([[0.49, 0.6 ]]), dropped=array([0.19]))
+    (array([[0.49, 0.6 ]]), array([0.19]))
     """
     step = np.diff(time)
     ratio = step / usual_intervals(step)
     at = np.flatnonzero(ratio > GAP)
     lost = np.flatnonzero((ratio > 1.5) & (ratio <= GAP))
-    return Losses(np.stack([time[at], time[at + 1]], axis=1), time[lost])
+    return np.stack([time[at], time[at + 1]], axis=1), time[lost]
 
 
 def quiet_spans(angle: Signal, slow: Array) -> Array:
@@ -97,8 +92,8 @@ def recorded_figure(dataset: Any, recordings: Sequence[Any]) -> Any:
 
 def _panel(axis: Any, recording: Any, signal: Signal) -> None:
     """Lines of all joints that have a signal, broken at gaps."""
-    losses = losses_of(recording.angle.time)
-    ends = np.concatenate([losses.gaps[:, 0], [np.inf]])
+    gaps, dropped = losses_of(recording.angle.time)
+    ends = np.concatenate([gaps[:, 0], [np.inf]])
     piece = np.searchsorted(ends, signal.time)
     style = "steps-post" if signal.hold == "previous" else "default"
     for j, column in enumerate(signal.value.T):
@@ -108,11 +103,11 @@ def _panel(axis: Any, recording: Any, signal: Signal) -> None:
             part = piece == k
             colour = COLOURS[j % len(COLOURS)]
             axis.plot(signal.time[part], column[part], color=colour, drawstyle=style, linewidth=0.8)
-    for start, stop in losses.gaps:
+    for start, stop in gaps:
         axis.axvspan(start, stop, color=_GAP, linewidth=0)
-    if len(losses.dropped):
-        top, across = np.full(len(losses.dropped), 0.98), axis.get_xaxis_transform()
-        axis.plot(losses.dropped, top, "|", color=_LOST, transform=across)
+    if len(dropped):
+        top, across = np.full(len(dropped), 0.98), axis.get_xaxis_transform()
+        axis.plot(dropped, top, "|", color=_LOST, transform=across)
 
 
 def _key(dataset: Any, recordings: Sequence[Any]) -> Iterator[Any]:
@@ -124,8 +119,8 @@ def _key(dataset: Any, recordings: Sequence[Any]) -> Iterator[Any]:
     slow = dataset.scales.slow
     if any(len(quiet_spans(r.angle, slow)) for r in recordings):
         yield Patch(color=_REST, label="at rest")
-    losses = [losses_of(r.angle.time) for r in recordings]
-    if any(len(loss.gaps) for loss in losses):
+    gaps, dropped = zip(*(losses_of(r.angle.time) for r in recordings), strict=True)
+    if any(map(len, gaps)):
         yield Patch(color=_GAP, label="gap")
-    if any(len(loss.dropped) for loss in losses):
+    if any(map(len, dropped)):
         yield Line2D([], [], color=_LOST, marker="|", linestyle="", label="dropped sample")

@@ -151,8 +151,8 @@ def unit_inertia(position_units: tuple[str, ...] = ("rad",)) -> SymbolicMechanis
 # The plane is vertical; q1 = 0 hangs down, counter-clockwise positive; q2 is relative to link 1.
 # The acrobot of a study, with a geared motor at joint 2 only, is that of [DeMeester2020]. The
 # symbols of the double pendulum are those of the published models of the DFKI double pendulum
-# [Wiebe2024]: I1 and I2 are about the joints, the rotor of the second motor sits on link 1 and turns
-# against its joint (M12 gets - gr Ir).
+# [Wiebe2024]: I1 and I2 are about the joints, the rotor of the second motor sits on link 1 and
+# turns against its joint (M12 gets - gr Ir).
 
 _Q1, _Q2 = sp.symbols("q1 q2")
 

@@ -7,7 +7,7 @@ from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from scipy.spatial.transform import Rotation
 
-from frictionid.data.base_motion import Mounting, base_motion
+from frictionid.data.base_motion import base_motion
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import within
 from frictionid.data.readers.dataset_toml import check_dataset_toml
@@ -20,7 +20,7 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 STILL = np.tile([1.0, 0.0, 0.0, 0.0], (len(TIME), 1))  # orientation
 
 
-def motion_of(mounting):
+def motion_of(turn=(0.0, 0.0, 0.0), place=(0.0, 0.0, 0.0)):
     """What a sensor at a place shows of a base that turns and swings, with its true motion.
 
     The base turns about one axis in space, so that its rates are known in closed form.
@@ -32,18 +32,17 @@ def motion_of(mounting):
     R = Rotation.from_rotvec(angle[:, None] * axis)
     turns = [np.outer(x, axis) for x in (speed, rate)]
     swing = np.array([0.3, 0.2, 0.1])
-    place = np.sin(4.0 * TIME[:, None]) * swing + TIME[:, None] * 5.0
+    at = np.sin(4.0 * TIME[:, None]) * swing + TIME[:, None] * 5.0
     force = R.inv().apply(-16.0 * np.sin(4.0 * TIME[:, None]) * swing - GRAVITY)
     truth = np.hstack([*turns, force])
-    arm = np.array(mounting.place)
-    onto = Rotation.from_euler("xyz", mounting.turn)
+    arm, onto = np.array(place), Rotation.from_euler("xyz", turn)
     shown = force + np.cross(turns[1], arm) + np.cross(turns[0], np.cross(turns[0], arm))
     signal = {
         "angular_velocity": onto.inv().apply(turns[0]),
         "specific_force": onto.inv().apply(shown),
         "orientation": np.roll((R * onto).as_quat(), 1, axis=1)
         * np.where(TIME > 1, -1, 1)[:, None],
-        "position": place + R.apply(arm),
+        "position": at + R.apply(arm),
     }
     return {key: Signal(TIME, value) for key, value in signal.items()}, truth
 
@@ -53,30 +52,28 @@ def motion_of(mounting):
 )
 @pytest.mark.parametrize(
     "mounting",
-    [Mounting(), Mounting((0.4, -1.2, 2.0), (0.1, 0.2, -0.3))],
+    [{}, {"turn": (0.4, -1.2, 2.0), "place": (0.1, 0.2, -0.3)}],
     ids=["origin", "elsewhere"],
 )
 def test_sensors_anywhere_show_the_motion_of_the_base(by, mounting):
-    signals, truth = motion_of(mounting)
-    out = base_motion(mounting, **{key: signals[key] for key in by}).value
+    signals, truth = motion_of(**mounting)
+    out = base_motion(**{key: signals[key] for key in by}, **mounting).value
     assert np.abs(out - truth)[INNER].max() < 2e-3 * np.abs(truth).max()
 
 
 def test_a_base_of_constant_velocity_is_at_rest():
     still = Signal(TIME, STILL)
     going = Signal(TIME, TIME[:, None] * [2.0, -1.0, 0.5])
-    rest = base_motion(Mounting(), orientation=still).value
+    rest = base_motion(orientation=still).value
     np.testing.assert_array_equal(rest, np.tile(np.r_[np.zeros(6), -GRAVITY], (len(TIME), 1)))
-    assert (
-        np.abs(base_motion(Mounting(), orientation=still, position=going).value - rest).max() < 1e-6
-    )
+    assert np.abs(base_motion(orientation=still, position=going).value - rest).max() < 1e-6
 
 
 def test_quaternions_have_length_one():
     value = STILL.copy()
     value[500] = 0.0
     with assert_refused("at 1 s its length is 0; quaternions"):
-        base_motion(Mounting(), orientation=Signal(TIME, value))
+        base_motion(orientation=Signal(TIME, value))
 
 
 def document(**base):

@@ -24,9 +24,9 @@ def data():
 
 def test_what_is_missing_and_at_rest_is_found(data):
     (recording,) = data.recordings
-    losses = losses_of(recording.angle.time)
-    assert_allclose(losses.gaps, [[1.0, 1.5]])
-    assert_allclose(losses.dropped, [0.19, 0.59])
+    gaps, dropped = losses_of(recording.angle.time)
+    assert_allclose(gaps, [[1.0, 1.5]])
+    assert_allclose(dropped, [0.19, 0.59])
     ((start, stop),) = quiet_spans(recording.angle, data.scales.slow)
     assert start == pytest.approx(2.0, abs=0.15) and stop == pytest.approx(3.99)
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence, Sized
 from typing import Annotated, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, field_validator, model_validator
 
 from frictionid.arrays import Array
 from frictionid.config import Strict
@@ -130,6 +130,7 @@ class ColumnNames(Strict):
     header: bool = True
     truth: TruthColumns | None = None
     covariates: dict[str, Column] = {}
+    _others: dict[str, str] = PrivateAttr({})  # columns with a clock of their own, and that
 
     @model_validator(mode="after")
     def _one_column_per_joint_and_none_twice(self) -> Self:
@@ -152,10 +153,13 @@ class ColumnNames(Strict):
     @property
     def clocks(self) -> list[str]:
         """Time columns, each once."""
-        return list(dict.fromkeys([self.time.angle, self.time.torque, self.velocity_clock]))
+        clocks = (self.time.angle, self.time.torque, self.velocity_clock)
+        return list(dict.fromkeys([*clocks, *self._others.values()]))
 
     def clock_of(self, name: str) -> str:
         """Time column of a column."""
+        if name in self._others:
+            return self._others[name]
         if name in self.torque:
             return self.time.torque
         return self.velocity_clock if name in (self.velocity or []) else self.time.angle
@@ -164,6 +168,13 @@ class ColumnNames(Strict):
     def velocity_clock(self) -> str:
         """Time column of the velocities."""
         return self.time.velocity or self.time.angle
+
+    def with_others(self, others: Mapping[str, str]) -> Self:
+        """All columns to read: others, each with its clock, as covariates beside these."""
+        named = {f"column {name}": name for name in {**others, **dict.fromkeys(others.values())}}
+        columns = self.model_copy(update={"covariates": self.covariates | named})
+        columns._others = dict(others)
+        return columns
 
     def _per_joint(self) -> list[tuple[str, list[str]]]:
         columns = {
@@ -183,21 +194,6 @@ class ColumnNames(Strict):
         if self.velocity:
             names.append(self.velocity_clock)
         return [name for name in dict.fromkeys(names) if name]
-
-
-class AskedColumns(ColumnNames):
-    """All columns to read: those of [actuator] and [base], each with its clock, are covariates."""
-
-    others: dict[str, str]
-
-    @property
-    def clocks(self) -> list[str]:
-        """Time columns, each once."""
-        return list(dict.fromkeys([*super().clocks, *self.others.values()]))
-
-    def clock_of(self, name: str) -> str:
-        """Time column of a column."""
-        return self.others.get(name) or super().clock_of(name)
 
 
 class Gears(NamedTuple):

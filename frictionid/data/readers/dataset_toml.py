@@ -23,7 +23,6 @@ from .column_toml import (
     CURRENTS,
     OWN,
     UNITS,
-    AskedColumns,
     ColumnNames,
     Each,
     Gears,
@@ -108,15 +107,14 @@ class Recordings(Strict):
         return self
 
 
-class _Open(BaseModel):
-    """A table that may have other keys."""
-
-    model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
+# A table that may have other keys.
+_OPEN = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
 
 
-class Mechanism(_Open):
+class Mechanism(BaseModel):
     """Kind, or file that describes the mechanism, parameters, tolerances; other keys: options."""
 
+    model_config = _OPEN
     kind: str | None = None
     urdf: str | None = None
     mjcf: str | None = None
@@ -139,12 +137,13 @@ class Mechanism(_Open):
         return self
 
 
-class Reader(_Open):
+class Reader(BaseModel):
     """Reader of the files; other keys are its settings.
 
     It stands in place of [columns] and [units], unless its format makes tables.
     """
 
+    model_config = _OPEN
     kind: str
 
     @property
@@ -194,12 +193,7 @@ class DatasetToml(Strict):
         if self.base is not None:
             names = [name for names in self.base.columns.values() for name in names]
             others |= dict.fromkeys(names, self.base.time or usual)
-        if not others:
-            return self.columns
-        named = {f"column {name}": name for name in others | dict.fromkeys(others.values(), "")}
-        return AskedColumns.model_construct(
-            **{**dict(self.columns), "covariates": self.columns.covariates | named}, others=others
-        )
+        return self.columns.with_others(others) if others else self.columns
 
     def names(self) -> list[str]:
         """All columns to read, each once."""

@@ -9,7 +9,7 @@ import numpy as np
 from frictionid.arrays import Array, usual_step
 from frictionid.errors import InputError
 
-from ..base_motion import Mounting, base_motion
+from ..base_motion import base_motion
 from ..recording import Recording, TrueMotion
 from ..servo import Servo, servo_torque
 from ..signals import Signal, check_span
@@ -82,8 +82,8 @@ def _on_base(table: Table, toml: DatasetToml, base: Base, time: Array) -> dict[s
         signal = _signal(table, toml, "", names, base.time or "")
         signals[quantity] = signal._replace(value=signal.value * base.units.scale(quantity))
     wrench = signals.pop("wrench", None)
-    mounting = Mounting(tuple(base.sensor_rotation), tuple(base.sensor_position))
-    return {"base_motion": base_motion(mounting, **signals), "base_wrench": wrench}
+    motion = base_motion(**signals, turn=base.sensor_rotation, place=base.sensor_position)
+    return {"base_motion": motion, "base_wrench": wrench}
 
 
 def _signal(

@@ -1,4 +1,4 @@
-"""Mechanisms without links: a linear axis, and two masses with a spring between them."""
+"""Mechanisms beside the pendulum: a linear axis, and two masses with a spring between them."""
 
 import numpy as np
 import pandas as pd
