@@ -109,8 +109,8 @@ def closed_loop(
 
     start = np.zeros((3, variants * count, 2))
     start[0] = wanted[0, 0]
-    done = sampled_loop(system, command, start, time, delay=DELAY, substeps=2)
-    return _outcome(done.states, wanted, time)
+    states, _ = sampled_loop(system, command, start, time, delay=DELAY, substeps=2)
+    return _outcome(states, wanted, time)
 
 
 def _outcome(states: Array, wanted: Array, time: Array) -> Outcome:

@@ -207,8 +207,8 @@ def run(
 
     system = true_system(rig())
     start = np.stack([begin, 0.0 * begin, 0.0 * begin])
-    done = sampled_loop(system, command, start, time, delay=DELAY, substeps=3)
-    states = np.concatenate([done.states[:, 0], done.states[:, 1], done.torque[..., 1:]], axis=-1)
+    moved, torque = sampled_loop(system, command, start, time, delay=DELAY, substeps=3)
+    states = np.concatenate([moved[:, 0], moved[:, 1], torque[..., 1:]], axis=-1)
     return states.reshape(count, P, S, 5)
 
 

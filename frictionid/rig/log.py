@@ -230,7 +230,7 @@ class Logger:
         counts.rows += len(lines.rows)
         hopeless = counts.rejected >= _MAX_REJECTED or counts.size >= _MAX_BYTES
         if hopeless and not counts.rows:
-            bad = [*self._bad, *([Rejected(self._remainder, "garbage")] if not self._bad else [])]
+            bad = self._bad or [(self._remainder, "garbage")]
             raise InputError(f"port {self._name}: {diagnosis(self.rig.protocol, bad, counts.size)}")
         return lines.rows
 

@@ -91,11 +91,8 @@ class LineProtocol(Strict):
 Cells = tuple[bytes, ...]
 
 
-class Rejected(NamedTuple):
-    """A damaged line, and why: a wrong "checksum", number of "columns", or "garbage"."""
-
-    line: bytes
-    reason: str
+# A damaged line, and why: a wrong "checksum", number of "columns", or "garbage".
+Rejected = tuple[bytes, str]
 
 
 class Parsed(NamedTuple):
@@ -112,7 +109,7 @@ def parsed(form: LineProtocol, remainder: bytes, new: bytes) -> Parsed:
     The rows do not depend on how the stream is cut into pieces.
 
     >>> parsed(LineProtocol(), b"", b"1,2,3\n4,x,6\n7,8").rejected
-    [Rejected(line=b'4,x,6', reason='garbage')]
+    [(b'4,x,6', 'garbage')]
     """
     *lines, last = (remainder + new).split(b"\n")
     rows, rejected = [], []
@@ -121,7 +118,7 @@ def parsed(form: LineProtocol, remainder: bytes, new: bytes) -> Parsed:
         if not fault:
             rows.append(cells)
         elif line.strip():
-            rejected.append(Rejected(line[-MAX_LINE:], fault))
+            rejected.append((line[-MAX_LINE:], fault))
     return Parsed(rows, rejected, last[-MAX_LINE - 2 :])
 
 
@@ -171,14 +168,14 @@ def diagnosis(form: LineProtocol, rejected: Sequence[Rejected], count: int) -> s
 
     count : bytes that came
     """
-    shown = max((r.line for r in rejected), key=_printable_share, default=b"")
+    shown = max((line for line, _ in rejected), key=_printable_share, default=b"")
     text = shown[:_EXAMPLE].decode("ascii", "backslashreplace").strip()
     if _printable_share(shown) < 0.9:
         return (
             f"nothing but garbage in {count} bytes: the baud rate is wrong, or something else is "
             "connected; check baud in [protocol], and the port"
         )
-    kinds = Counter(r.reason for r in rejected)
+    kinds = Counter(reason for _, reason in rejected)
     kind = kinds.most_common(1)[0][0]
     wanted = form.separator.join(form.columns)
     rule = f"{form.mark}{wanted}{'' if form.checksum == 'none' else '*' + form.checksum}"

@@ -92,12 +92,12 @@ def _tracked(rig: Rig, seed: int, time: Array) -> tuple[list[Signal], Array]:
     system, references = true_system(rig, seed), [run.references for run in rig.recordings]
     nominal, drive = Plant.from_parameters(nominal_mechanism(rig), {}), rig.drive
     command = tracking(system, nominal, rig.controller, references, time)
-    done = sampled_loop(
+    states, torque = sampled_loop(
         *(system, *command, time), delay=drive.delay, gain=drive.gain, substeps=rig.substeps
     )
-    rounded = np.round(done.torque, COMMAND_DECIMALS)
+    rounded = np.round(torque, COMMAND_DECIMALS)
     commands = [Signal(time, rounded[:, r], hold="previous") for r in range(rounded.shape[1])]
-    return commands, done.states
+    return commands, states
 
 
 def _command(rig: Rig, run: Run, seed: int, end: float) -> Signal:

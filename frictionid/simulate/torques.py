@@ -11,7 +11,7 @@ and hold it until the next sample.
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -205,13 +205,6 @@ class Controller:
     kd: tuple[NotNegative, ...]
 
 
-class Tracked(NamedTuple):
-    """States (T, 3, R, n) at the samples, and the torques (T, R, n) commanded at them [N m]."""
-
-    states: Array
-    torque: Array
-
-
 Command = Callable[[int, Array], Array]
 
 
@@ -236,8 +229,8 @@ def tracking(
     >>> system = TrueSystem(machine, nominal.p, Stribeck(Curve((0.5,), (0.5,), (0.1,))))
     >>> wanted, time = Fourier((1.0,), (0.0,), 0.5), np.arange(500) * 0.002
     >>> command = tracking(system, nominal, Controller((400.0,), (20.0,)), [[wanted]], time)
-    >>> done = sampled_loop(system, *command, time)
-    >>> bool(np.abs(done.states[:, 0, 0, 0] - wanted.motion(time)[0]).max() < 0.003)
+    >>> states, _ = sampled_loop(system, *command, time)
+    >>> bool(np.abs(states[:, 0, 0, 0] - wanted.motion(time)[0]).max() < 0.003)
     True
     """
     motions = [[joint.motion(time) for joint in run] for run in references]
@@ -263,8 +256,10 @@ def sampled_loop(
     delay: float = 0.0,
     gain: float = 1.0,
     substeps: int = 4,
-) -> Tracked:
+) -> tuple[Array, Array]:
     """Motion of R machines side by side under torques that a controller commands at samples.
+
+    States (T, 3, R, n) at the samples, and the torques (T, R, n) commanded at them [N m].
 
     Parameters
     ----------
@@ -294,4 +289,4 @@ def sampled_loop(
                     y, mode = advance(system, y, u, mode, share * width / count)
         if k % 100 == 0:
             report_step("simulating", len(time) - k)
-    return Tracked(states, torque)
+    return states, torque

@@ -37,20 +37,20 @@ def test_a_reference_is_the_integral_of_its_velocity():
 @pytest.mark.parametrize("delay", [0.0, 0.0013, 0.005])
 def test_its_torques_alone_give_the_same_motion(delay):
     """Played as commands without controller, to the controller's sampling."""
-    done = motion(delay=delay, substeps=8)
+    tracked, torque = motion(delay=delay, substeps=8)
     edges = np.unique(np.concatenate([TIME, TIME + delay]).round(12))
     edges = edges[edges <= TIME[-1]]
     middle = (edges[1:] + edges[:-1]) / 2
     k = np.maximum(np.floor((middle - delay) / 0.002 + 1e-9).astype(int), 0)
-    q, w = done.states[0, :2]
-    states = integrate_motion(TRUE, q, w, done.torque[k], edges, 0.00025)
+    q, w = tracked[0, :2]
+    states = integrate_motion(TRUE, q, w, torque[k], edges, 0.00025)
     again = states[np.searchsorted(edges, TIME - 1e-9)]
-    assert again[:, 0] == pytest.approx(done.states[:, 0], abs=1e-6)
+    assert again[:, 0] == pytest.approx(tracked[:, 0], abs=1e-6)
 
 
 def test_alone_as_in_a_batch():
-    both, alone = motion(), motion(REFERENCES[1:])
-    assert both.states[:, :, 1:] == pytest.approx(alone.states, abs=1e-12)
+    (both, _), (alone, _) = motion(), motion(REFERENCES[1:])
+    assert both[:, :, 1:] == pytest.approx(alone, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ Couplings = Mapping[str, Mapping[str, float]]  # turns for one of each joint, pa
 
 
 class Choice(NamedTuple):
-    """What a [mechanism] table says beside the file, see `described.urdf`."""
+    """What a [mechanism] table says beside the file, see `mechanism_table.urdf`."""
 
     joints: Sequence[str] | None = None
     base: str | None = None

@@ -8,7 +8,7 @@ whose `/joint_commands/time` is a clock of its own.
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -96,14 +96,6 @@ def read(path: Path, settings: Mapping[str, Any]) -> Recording:
     )
 
 
-class Place(NamedTuple):
-    """What a column is: topic, "" for that of [reader], and field and joint, "" for its time."""
-
-    topic: str
-    field: str
-    joint: str
-
-
 def tables(
     _: bytes, file: str, settings: Mapping[str, Any], columns: ColumnNames
 ) -> dict[str, Table]:
@@ -122,31 +114,31 @@ def numeric_table(path: Path) -> Table:
 
 def _table(file: str, chosen: RosTableSettings, names: Sequence[str]) -> Table:
     places = {name: _place(name, file) for name in names}
-    topics = list(dict.fromkeys(place.topic for place in places.values()))
+    topics = list(dict.fromkeys(topic for topic, _, _ in places.values()))
     messages = {t: joint_states(Path(file), t or chosen.topic, chosen.clock) for t in topics}
     start = min(states[0][0] for states in messages.values())
     sizes = [len(states) for states in messages.values()]
     ends = dict(zip(topics, np.cumsum(sizes).tolist(), strict=True))
     picked = {}
-    for name, place in places.items():
-        states = messages[place.topic]
+    for name, (topic, field, joint) in places.items():
+        states = messages[topic]
         picked[name] = np.full(sum(sizes), np.nan)
-        span = slice(ends[place.topic] - len(states), ends[place.topic])
-        if not place.field:  # nanoseconds since 1970 lose digits as floats
+        span = slice(ends[topic] - len(states), ends[topic])
+        if not field:  # nanoseconds since 1970 lose digits as floats
             picked[name][span] = [1e-9 * (stamp - start) for stamp, _ in states]
             continue
-        values = values_of([message for _, message in states], [place.joint], place.field, file)
+        values = values_of([message for _, message in states], [joint], field, file)
         if values is None:
             raise InputError(f"{file}: no message of {name!r} has one; name another topic or field")
         picked[name][span] = values[:, 0]
     return Table(file, np.concatenate([np.arange(size) for size in sizes]), picked)
 
 
-def _place(name: str, file: str) -> Place:
-    """What the name of a column says.
+def _place(name: str, file: str) -> tuple[str, str, str]:
+    """What a column is: topic, "" for that of [reader], and field and joint, "" for its time.
 
     >>> _place("/joint_commands/position[elbow]", "a.mcap")
-    Place(topic='/joint_commands', field='position', joint='elbow')
+    ('/joint_commands', 'position', 'elbow')
     """
     match = _COLUMN.fullmatch(name)
     if match is None:
@@ -154,7 +146,7 @@ def _place(name: str, file: str) -> Place:
             f"{file}: a bag has no column {name!r}: write time, position[joint], velocity[joint] "
             "or effort[joint], of another topic /topic/position[joint]"
         )
-    return Place(match[1] or "", match[3] or "", match[4] or "")
+    return match[1] or "", match[3] or "", match[4] or ""
 
 
 def joint_states(path: Path, topic: str, clock: str) -> list[tuple[int, Any]]:
