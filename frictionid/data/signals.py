@@ -328,7 +328,7 @@ def usual_intervals(intervals: Array) -> Array:
     return np.where((ratio > 1.4) | (ratio < 1 / 1.4), near, whole)
 
 
-def run_edges(flags: Array) -> tuple[Array, Array]:
+def run_edges(flags: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """First samples of the runs of true flags (T,), and the samples behind them.
 
     >>> [edge.tolist() for edge in run_edges(np.array([True, True, False, True]))]

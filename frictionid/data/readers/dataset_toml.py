@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     NonNegativeFloat,
     PositiveFloat,
@@ -107,14 +105,9 @@ class Recordings(Strict):
         return self
 
 
-# A table that may have other keys.
-_OPEN = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
-
-
-class Mechanism(BaseModel):
+class Mechanism(Strict, extra="allow"):
     """Kind, or file that describes the mechanism, parameters, tolerances; other keys: options."""
 
-    model_config = _OPEN
     kind: str | None = None
     urdf: str | None = None
     mjcf: str | None = None
@@ -137,13 +130,12 @@ class Mechanism(BaseModel):
         return self
 
 
-class Reader(BaseModel):
+class Reader(Strict, extra="allow"):
     """Reader of the files; other keys are its settings.
 
     It stands in place of [columns] and [units], unless its format makes tables.
     """
 
-    model_config = _OPEN
     kind: str
 
     @property
