@@ -235,7 +235,7 @@ def _recordings(
     parameters = toml.recordings.parameters.get(name, {})
     if read is not None:
         assert toml.reader is not None
-        recording = read(folder / name, toml.reader.settings)
+        recording = read(folder / name, toml.reader.options)
         parameters = {**recording.parameters, **parameters}
         recordings = [_with_sigma(replace(recording, name=title, parameters=parameters), toml)]
     else:
@@ -244,7 +244,7 @@ def _recordings(
             tables = toml.runs(read_table(content, file, toml.names(), header=asked.header))
         else:
             read_tables = part_of(toml.reader.kind, "tables")
-            tables = read_tables(content, file, toml.reader.settings, asked)
+            tables = read_tables(content, file, toml.reader.options, asked)
         recordings = [recorded(t, toml, title + part, parameters) for part, t in tables.items()]
     start, stop = toml.recordings.start, toml.recordings.stop
     return (

@@ -139,7 +139,7 @@ class Reader(Strict, extra="allow"):
     kind: str
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """Settings of the reader."""
         return dict(self.model_extra or {})
 
