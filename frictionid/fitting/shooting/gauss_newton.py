@@ -106,7 +106,8 @@ def solve(
     for seconds, settled in stages:
         windows = cut_windows(problem.intervals, use, seconds)
         kinked = ended.kinked if ended and np.array_equal(windows, ended.windows) else None
-        solution = _solve_stage(settled, windows, estimate, nodes, sigma, kinked)
+        first = solution is None
+        solution = _solve_stage(settled, windows, estimate, nodes, sigma, kinked, first)
         total += solution.iterations
         estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     assert solution is not None
@@ -158,36 +159,57 @@ def _solve_stage(
     nodes: Array,
     sigma: Array,
     kinked: Array | None,
+    first: bool,
 ) -> Solution:
-    """Gauss-Newton iterations over windows of one length; (W,) that are left out from the start."""
+    """Gauss-Newton iterations over windows of one length, to where the physics step can follow.
+
+    kinked : (W,) windows that are left out from the start; first : whether none came before
+    """
     settings, what = problem.settings, f"windows of {windows.shape[1]} samples"
     point = linearised_at(problem, windows, estimate, nodes, sigma)
     if kinked is not None:
         point = point._replace(kinked=kinked, out=kinked)
     step, before = _next_step(problem, point, sigma, _DAMPING[0], 1.0), None
-    begins, count, most = [step.begin], 1, 1.0
+    begins, most = [step.begin], 1.0
     report_step(what, settings.iterations - 1)
-    while count < settings.iterations and not _converged(step, begins):
+    while len(begins) < settings.iterations and not _converged(step, begins):
         try:
             point, damping = _accepted_or_last(step)
-        except NoFitError:
-            if (begins[0][1] == begins[-1][1]).all():
-                raise
-            return _taken_back(step)._replace(iterations=count)
+        except NoFitError as error:
+            return _taken_back(step, begins, first, error)
         share, most = _step_share(step, before, most)
         before = step.solution.move
         step = _next_step(problem, point, step.solution.sigma, damping, share)
-        begins, count = [*begins, step.begin], count + 1
-        report_step(what, settings.iterations - count)
+        begins = [*begins, step.begin]
+        report_step(what, settings.iterations - len(begins))
+    try:
+        problem.refuse_too_steep(step.solution.estimate)
+    except NoFitError as error:
+        return _taken_back(step, begins, first, error)
     converged = _converged(step, begins)
-    return step.solution._replace(converged=converged, iterations=count)
+    return step.solution._replace(converged=converged, iterations=len(begins))
 
 
-def _taken_back(step: _Step) -> Solution:
-    """The solution without the last step."""
+def _taken_back(
+    step: _Step, begins: Sequence[tuple[float, Array]], first: bool, error: NoFitError
+) -> Solution:
+    """The solution without the last step, which the physics step cannot follow.
+
+    Raises
+    ------
+    NoFitError
+        Where it is the first, and never moved.
+    """
+    if first and (begins[0][1] == begins[-1][1]).all():
+        raise error
     solution, point = step.solution, step.point
-    stay = np.zeros_like(solution.move)
-    return solution._replace(estimate=point.estimate, nodes=point.nodes, move=stay)
+    return solution._replace(
+        estimate=point.estimate,
+        nodes=point.nodes,
+        move=np.zeros_like(solution.move),
+        iterations=len(begins),
+        stopped=(f"The fit ends early, a step further cannot be computed: {error}",),
+    )
 
 
 def _converged(last: _Step, begins: Sequence[tuple[float, Array]]) -> bool:

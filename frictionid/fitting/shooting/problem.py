@@ -143,6 +143,10 @@ class ShootingProblem:
                 out.by[part, :, : by.shape[-1]] = by
         return out
 
+    def refuse_too_steep(self, estimate: Estimate) -> None:
+        """Raise NoFitError where the physics step cannot follow the friction of an estimate."""
+        self._pieces(estimate, self._plant(estimate), np.arange(1))
+
     def initial_nodes(self, estimate: Estimate) -> Array:
         """Nodes (K, s) from the smoothed motion."""
         q, w = self.intervals.q - estimate.calibration.offset, self.intervals.w

@@ -9,7 +9,7 @@ from frictionid.arrays import Array
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States
-from frictionid.errors import InputError
+from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction
 from frictionid.friction.laws.levels import LOAD
 from frictionid.friction.provenance import Diagnostics, Residuals, Segment
@@ -63,8 +63,8 @@ def settings_error(solution: Solution) -> Array | float:
     return np.mean(finite, axis=0) if finite else 0.0
 
 
-def smoothing_error(solution: Solution) -> Array | float:
-    """Covariance (D, D) of what a law's own smoothing does to its parameters.
+def smoothing_error(solution: Solution) -> tuple[Array | float, tuple[str, ...]]:
+    """Covariance (D, D) of what a law's own smoothing does to its parameters, and words.
 
     The bias is in proportion to the smoothing: with the move m of one Gauss-Newton step by the law
     with half of it, the law without any would move the parameters by 2 m.
@@ -74,11 +74,14 @@ def smoothing_error(solution: Solution) -> Array | float:
     problem, friction = solution.problem, solution.estimate.friction
     finer = friction.law.finer()
     if finer is friction.law or not problem.count:
-        return 0.0
+        return 0.0, ()
     estimate = solution.estimate._replace(friction=replace(friction, law=finer))
     there = solution._replace(estimate=estimate)
-    move = 2.0 * step_with_windows(there, problem.settings.windows[-1]).move
-    return np.outer(move, move) if np.isfinite(move).all() else 0.0
+    try:
+        move = 2.0 * step_with_windows(there, problem.settings.windows[-1]).move
+    except NoFitError as error:
+        return 0.0, (f"Intervals do not hold what the law's smoothing does: {error}",)
+    return np.outer(move, move) if np.isfinite(move).all() else 0.0, ()
 
 
 def load_error(solution: Solution) -> Array | float:
@@ -166,7 +169,11 @@ def fit_blocks(
         if idle is None:
             return result
         blocks = tuple(b for b in stage.blocks if b.name != idle.block)
-        stage = solved(stage._replace(blocks=blocks, dropped=(*stage.dropped, idle)))
+        fewer = stage._replace(blocks=blocks, dropped=(*stage.dropped, idle))
+        try:
+            stage = solved(fewer)
+        except NoFitError as error:
+            return refined_by(stage.ending(error), friction)
 
 
 def refined_by(stage: Stage, start: Friction) -> Fit:
@@ -174,8 +181,10 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     solution, estimate = stage.solution, stage.solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     omitted, words = omitted_blocks(solution, [d.block for d in stage.dropped])
-    shared = omitted + settings_error(solution) + smoothing_error(solution) + load_error(solution)
+    smoothing, unsaid = smoothing_error(solution)
+    shared = omitted + settings_error(solution) + smoothing + load_error(solution)
     covariance = solution.covariance(shared)
+    words = *solution.stopped, *words, *unsaid
     limits = *words, *no_plateau(solution), *wanders(solution, covariance)
     diagnostics = _diagnostics(stage, (*limits, *sentences_of(stage.held)))
     friction = stage.network or as_given(estimate.friction, start)

@@ -72,6 +72,11 @@ class Stage(NamedTuple):
         assert self.ended is not None
         return self.ended
 
+    def ending(self, error: NoFitError) -> "Stage":
+        """The stage as it is, as a further fit failed."""
+        words = f"A further fit failed, this one stays: {error}"
+        return self._replace(ended=self.solution._replace(stopped=(words,)))
+
     @property
     def problem(self) -> ShootingProblem:
         return self.solution.problem
@@ -88,7 +93,11 @@ def solved(stage: Stage) -> Stage:
         weighed = np.array([p.excess for p in parameters])
         if np.abs(np.log(excess / weighed)).max(initial=0.0) < _ALIKE:
             break
-        stage = _fitted(stage._replace(blocks=with_excess(stage.blocks, parameters, excess)))
+        weighing = stage._replace(blocks=with_excess(stage.blocks, parameters, excess))
+        try:
+            stage = _fitted(weighing)
+        except NoFitError as error:
+            return stage.ending(error)
     return stage
 
 
@@ -154,7 +163,10 @@ def begun(stage: Stage) -> Stage:
     if none_held:
         return stage
     idle = _local_cost(stage).idle((), settings.significance)
-    return _without(stage, idle) or solved(stage)
+    try:
+        return _without(stage, idle) or solved(stage)
+    except NoFitError as error:
+        return stage.ending(error)
 
 
 def _begun_roughly(stage: Stage, rough: Settings) -> Stage:

@@ -218,7 +218,7 @@ class Solution(NamedTuple):
     (W, N + 1) and weight of each; sigma (n,) [rad]; normal equations of the windows before the last
     step, as much as each counts, and that step, move (D,); free (D,), parameters that are not at a
     bound; counts (W,), how much windows count; kinked (W,), true for those that were left out as
-    their predictions jump; converged, and the number of iterations.
+    their predictions jump; converged, and the number of iterations; stopped: why it ended early.
     """
 
     problem: ShootingProblem
@@ -236,6 +236,7 @@ class Solution(NamedTuple):
     kinked: Array
     converged: bool = False
     iterations: int = 0
+    stopped: tuple[str, ...] = ()
 
     @property
     def values(self) -> Array:

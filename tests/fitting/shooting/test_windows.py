@@ -10,8 +10,9 @@ from fixtures.tiny_pendulums import PENDULUM, dataset
 from fixtures.true_curves import plain_friction
 from numpy.testing import assert_allclose, assert_array_equal
 
+from frictionid.dynamics import step_size
 from frictionid.errors import NoFitError
-from frictionid.fitting.parameters import FrictionBlock
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import Settings, gauss_newton, refine, stages
 from frictionid.fitting.shooting.gauss_newton import _initial_noise
 from frictionid.fitting.shooting.problem import Linearisation
@@ -299,6 +300,33 @@ def test_a_start_too_steep_and_steps_that_no_damping_helps_are_refused(monkeypat
         with monkeypatch.context() as patch, pytest.raises(NoFitError, match="steep"):
             steep_at(calls, patch)
             refined()
+
+
+@pytest.mark.parametrize("iterations", [2, 30])
+def test_a_fit_that_comes_to_friction_too_steep_ends_before_it_and_says_so(iterations, monkeypatch):
+    """The physics step follows 95 % of the viscous friction."""
+    free, inertia = refined(), tiny.INERTIA
+    fastest = 0.95 * free.friction.theta[0, 1] / inertia
+    monkeypatch.setattr(step_size, "_FASTEST", fastest)
+    near = refined(Settings(iterations=iterations))
+    assert 0.8 * fastest < near.friction.theta[0, 1] / inertia <= fastest
+    assert not near.diagnostics.settled
+    assert any("cannot be computed" in w for w in near.diagnostics.warnings)
+
+
+def test_where_a_further_fit_fails_the_one_that_there_was_comes_out(monkeypatch):
+    free, solve = refined(), stages.solve
+
+    def failing(problem, estimate, use, ended=None):
+        if ended is not None:
+            raise NoFitError("astray")
+        return solve(problem, estimate, use)
+
+    monkeypatch.setattr(stages, "solve", failing)
+    found = refine(START, dataset(), (FrictionBlock(), DelayBlock()))  # a rough fit comes first
+    off = found.friction.theta[0] - free.friction.theta[0]
+    assert (np.abs(off) < free.covariance.error).all()
+    assert "A further fit failed, this one stays: astray" in found.diagnostics.warnings
 
 
 def test_where_no_window_is_predicted_longer_ones_are_taken_unless_their_length_was_given(
