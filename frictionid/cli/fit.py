@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +10,9 @@ import frictionid as fid
 
 from .options import DatasetPath, numbers, settings
 from .progress import heard
+
+if TYPE_CHECKING:
+    from frictionid.check import Finding
 
 
 def fit(
@@ -37,6 +40,8 @@ def fit(
     trust: bool = False,
 ) -> None:
     """Fit friction to all recordings of a data set.
+
+    The exit status is 2 where `check` calls the data unusable: the model says so.
 
     Parameters
     ----------
@@ -74,6 +79,7 @@ def fit(
         check_drawable(chosen)
     loaded = fid.load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
+        unusable = _unusable(fid.check(loaded).details.findings)
         fitted = fid.fit(
             *(loaded, chosen),
             method=by,
@@ -89,15 +95,25 @@ def fit(
             seed=seed,
             bias=bias,
         )
+    source = fitted.friction.provenance
+    fitted = fid.Fit(fitted.friction.noted({"limits": unusable + source.limits}), loaded)
     fitted.save(out)
     if figure is not None:
         write_bytes(figure, png(lambda: fit_figure(fitted.friction, loaded)))
     if json:
-        return print(out.read_text(encoding="utf-8"), end="")
-    _show(fitted, law_settings, filter(None, (out, figure)))
+        print(out.read_text(encoding="utf-8"), end="")
+    else:
+        _show(fitted, law_settings, filter(None, (out, figure)))
+    raise typer.Exit(2 if unusable else 0)
 
 
 _WINDOWS = "be lengths in seconds, e.g. --windows 0.1,0.3"
+
+
+def _unusable(findings: "Iterable[Finding]") -> tuple[str, ...]:
+    """Sentences on why no model of these data can be trusted."""
+    each = (f for f in findings if f.level == "unusable")
+    return tuple(f"the data are unusable: {f.text} -> {f.remedy}" for f in each)
 
 
 def _show(fitted: "fid.Fit", chosen: Iterable[str], written: Iterable[Path]) -> None:

@@ -215,7 +215,7 @@ def test_folds_without_motion_say_nothing(result):
     assert "No friction at all is not shown to be practically worse" in words
 
 
-def test_unusable_data_get_no_verdict(tmp_path, run):
+def test_unusable_data_get_no_verdict_and_a_model_that_says_so(tmp_path, run):
     result = quick(changed(Dataset("turned", MACHINE, recordings()), "torque", np.negative))
     assert result.check.level == "unusable" and result.chosen is None and verdict(result) == []
     write_lab_tables(tmp_path / "arm", sign=-1.0)
@@ -229,6 +229,10 @@ def test_unusable_data_get_no_verdict(tmp_path, run):
     code, out, err = run(tmp_path, "quick arm")
     assert (code, err) == (2, "") and "has the wrong sign" in out
     assert "No law was fitted" in out and not (tmp_path / "quick.png").exists()
+    line = "fit arm --identifier coulomb_viscous --by one_step --out m.json --json"
+    code, out, err = run(tmp_path, line)
+    (words,) = json.loads(out)["provenance"]["limits"]
+    assert (code, err) == (2, "") and words.startswith("the data are unusable: angle 1 has the wr")
 
 
 def test_a_law_that_cannot_be_fitted_is_no_candidate(monkeypatch):
