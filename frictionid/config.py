@@ -75,7 +75,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
     "did you mean 'angle'?"
     """
     names = list(candidates)
-    close = difflib.get_close_matches(name, names, n=1)
+    close = difflib.get_close_matches(str(name), names, n=1)
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(map(repr, names))}"
 
 

@@ -1,6 +1,6 @@
 """frictionid.fit: friction of one data set, by any law and method."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ def method_of(
     >>> method_of("study").name
     'study'
     """
-    if not isinstance(method, str):
+    if hasattr(method, "fit"):
         if free is not None or fixed or windows is not None or iterations is not None or consistent:
             raise InputError(
                 "free, fixed, windows, iterations and consistent go with the name of a method"
@@ -64,8 +64,8 @@ def method_of(
         called = str(calibration) if isinstance(calibration, str | Path) else "the model"
         calibrated = known_calibration(friction_of(calibration), called)
     shots: dict[str, Any] = {
-        "free": free if free is None else _names(free),
-        "fixed": _names(fixed) or None,
+        "free": free if free is None else _names("free", free),
+        "fixed": _names("fixed", fixed) or None,
         "windows": None if windows is None else numbers("windows", windows),
         "iterations": iterations,
         "consistent": consistent or None,
@@ -87,8 +87,10 @@ def method_of(
     return recipe_of(checked(RecipeEntry, entry, "fit"), held=calibrated)
 
 
-def _names(names: str | Sequence[str]) -> list[str]:
+def _names(what: str, names: str | Sequence[str]) -> list[str]:
     parts = names.split(",") if isinstance(names, str) else names
+    if not isinstance(parts, Iterable):
+        raise InputError(f"{what} = {names!r} must be a list of names")
     return [str(part).strip() for part in parts]
 
 
@@ -176,8 +178,8 @@ def fit(
     if equal:
         groups = groups_of(equal, dataset.mechanism.friction_names)
         identifier = with_equal(identifier, groups)
-    if method in ("shooting", "inverse_dynamics") and free is not None and "friction" not in free:
-        free = f"friction,{free}" if isinstance(free, str) else ["friction", *free]
+    if method in ("shooting", "inverse_dynamics") and free is not None:
+        free = list(dict.fromkeys(["friction", *_names("free", free)]))
     chosen = method_of(
         method,
         recipe="integral" if recipe is None else recipe,

@@ -65,6 +65,8 @@ def identifier_of(law: Any, settings: Mapping[str, Any] | None = None) -> Identi
     >>> identifier_of("stribeck") == identifier_of(Stribeck()) == identifier_of(Stribeck)
     True
     """
+    if not isinstance(settings, Mapping | None):
+        raise InputError(f"settings = {settings!r} must be a dict by names")
     if isinstance(law, list | tuple):
         return identifier_named("per_joint", {"laws": [*map(_part_name, law)], **(settings or {})})
     if isinstance(law, str):

@@ -85,7 +85,7 @@ def groups_of(equal: Sequence[Sequence[str | int]], joints: Sequence[str]) -> Gr
             raise InputError(f"equal: there is no joint {joint!r}; {nearest(joint, joints)}")
         return 1 + list(joints).index(joint)
 
-    if any(isinstance(group, str | int) for group in equal):
+    if not isinstance(equal, Sequence) or not all(isinstance(g, list | tuple) for g in equal):
         raise InputError(f"equal = {equal!r} must be groups of joints, such as [[1, 2]]")
     return tuple(tuple(number(joint) for joint in group) for group in equal)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, numbers_like
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant
 
@@ -55,6 +55,17 @@ class Calibration:
     target_delay: Array | None = None
     backlash: Array | None = None
     envelope: Array | None = None
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value, is_one = getattr(self, f.name), f.name.endswith("delay")
+            if value is None and (f.default is None or f.name == "base"):
+                continue
+            array = numbers_like(value, np.zeros(0), f"calibration.{f.name}")
+            if value is None or not (is_one or array.ndim):
+                each = "one number" if is_one else "a list of numbers, one for each joint"
+                raise InputError(f"calibration.{f.name} = {value} must be {each}")
+            object.__setattr__(self, f.name, array)
 
     @staticmethod
     def ideal(n: int, base: Array | None = None) -> "Calibration":

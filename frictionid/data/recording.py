@@ -80,8 +80,6 @@ class Recording:
 
     def __post_init__(self) -> None:
         where = f"recording {self.name!r}"
-        if self.torque.hold is None:
-            object.__setattr__(self, "torque", self.torque._replace(hold=TORQUE_HOLD))
         motions = {"angle": self.angle, "torque": self.torque}
         if self.velocity is not None:
             motions["velocity"] = self.velocity
@@ -96,6 +94,8 @@ class Recording:
                     f"{where}: {label} has {column_count(signal)} columns and angle has "
                     f"{column_count(self.angle)}; give one column per joint"
                 )
+        if self.torque.hold is None:
+            object.__setattr__(self, "torque", self.torque._replace(hold=TORQUE_HOLD))
         for name, signal in self.covariates.items():
             check_signal(f"{where}, covariate {name!r}", signal)
         if len(self.angle.time) < 2:

@@ -174,6 +174,8 @@ def check_signal(where: str, signal: Signal) -> None:
     InputError
         Saying `where` the first fault is.
     """
+    if not isinstance(signal, Signal):
+        raise InputError(f"{where}: it must be a Signal(time, value), not {signal!r:.60}")
     time, value = np.asarray(signal.time), np.asarray(signal.value)
     if time.ndim != 1 or value.ndim != 2 or len(time) != len(value) or value.size == 0:
         raise InputError(

@@ -112,6 +112,8 @@ class Friction:
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
             raise InputError(f"a friction needs a law, such as Stribeck(), not {self.law!r:.60}")
+        if not isinstance(self.calibration, Calibration | None):
+            raise InputError(f"a calibration is that of a Fit, not {self.calibration!r:.60}")
         kind = getattr(self.theta, "dtype", np.dtype(int))  # of lists, too
         if isinstance(kind, np.dtype) and kind.kind != "f":
             object.__setattr__(self, "theta", numbers_like(self.theta, np.zeros(0), "theta"))

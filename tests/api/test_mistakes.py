@@ -1,11 +1,14 @@
 """Every mistake in what a user gives to the functions is one sentence."""
 
+from dataclasses import replace
+
 import pytest
 from fixtures.arm_frames import SAID, arm, frames
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 
 import frictionid as fid
+from frictionid.data.calibration import Calibration
 
 
 @pytest.fixture(scope="module")
@@ -14,7 +17,8 @@ def names():
     law = fid.Friction(fid.CoulombViscous(), [[0.1, 0.01]])
     return {
         **{"fid": fid, "data": arm(), "frames": frames(), "SAID": SAID},
-        **{"LAW": law, "SET": fid.Compensation()},
+        **{"LAW": law, "SET": fid.Compensation(), "IDEAL": Calibration.ideal(1)},
+        "replace": replace,
     }
 
 
@@ -27,6 +31,12 @@ fid.fit(data, "stribeck", method="one_step", free=["inertia"]) => free: only by 
 fid.fit(data, "stribeck", method="shooting", free=["mass"]) => block 'mass' is unknown
 fid.fit(data, "stribeck", method="shooting", windows=["a"]) => windows
 fid.fit(data, "stribeck", settings={"widht": 0.1}) => did you mean 'width'
+fid.fit(data, "stribeck", method=3) => method = 3 is unknown; known: 'one_step'
+fid.fit(data, "stribeck", recipe=3) => 3
+fid.fit(data, "stribeck", free=3) => free = 3 must be a list of names
+fid.fit(data, "stribeck", fixed=3) => fixed = 3 must be a list of names
+fid.fit(data, "stribeck", equal=3) => equal = 3 must be groups of joints
+fid.fit(data, "stribeck", settings=3) => settings = 3 must be a dict
 fid.fit(data, "stribeck", seed="a") => seed = 'a' must be a whole number
 fid.fit(data, "stribeck", sample_time="a") => sample_time: it should be a valid number, not 'a'
 fid.compare(data, ["none"], folds="a") => folds = 'a' must be a whole
@@ -64,6 +74,11 @@ fid.run_suite(data) => a suite is a file or a name, not a Dataset
 fid.Friction(fid.CoulombViscous, [[0.1, 0.01]]) => needs a law, such as Stribeck\(\)
 fid.Friction(fid.CoulombViscous(), [[0.1, "a"]]) => must be numbers
 fid.Friction(fid.CoulombViscous(), [0.1, 0.01]) => theta must have shape
+replace(IDEAL, delay="a") => calibration.delay = 'a' must be numbers
+replace(IDEAL, delay=None) => calibration.delay = None must be one number
+replace(IDEAL, gain=1.0) => calibration.gain = 1.0 must be a list of numbers, one for each joint
+replace(LAW, calibration=0.1) => a calibration is that of a Fit, not 0.1
+fid.Recording("a", 1.0, 2.0) => recording 'a', angle: it must be a Signal\(time, value\), not 1.0
 LAW.torque([0.5]) => torque takes Inputs
 fid.feed_forward(LAW, SET, 0.0, [[1.0]]) => dt = 0.0 s must be a positive time
 fid.feed_forward(LAW, SET, 0.1, [[1.0, 2.0]]) => w has shape \(1, 2\); its last axis

@@ -39,11 +39,11 @@ def test_a_corrected_torque_acts_later_stronger_and_beside_its_zero(hold):
     torque = Signal(time, np.stack([0 * time, np.sin(9 * time)], axis=-1), hold)
     calibration = replace(
         Calibration.ideal(2),
-        delay=np.array(0.013),
-        gain=np.array([3.0, 1.1]),
-        bias=np.array([9.0, 0.02]),
+        delay=0.013,
+        gain=[3.0, 1.1],
+        bias=[9.0, 0.02],
     )
-    felt = calibrated_dataset(dataset(torque), calibration).recordings[0].torque
+    felt = calibrated_dataset(dataset(torque), calibration[None][0]).recordings[0].torque
     edges = np.linspace(0.1, 0.8, 40)
     expected = 1.1 * averages(torque, edges - 0.013)[:, 1] + 0.02
     assert_allclose(averages(felt, edges)[:, 1], expected, atol=1e-12)
