@@ -34,7 +34,7 @@ from frictionid.report.figures.style import (
     velocity_axis,
 )
 from frictionid.report.figures.style import line as key_line
-from frictionid.report.numbers import NOTHING, added, factor, norm_unit, short
+from frictionid.report.numbers import NOTHING, added, factor, norm_unit, short, with_levels
 from frictionid.report.shooting_results import MANY
 from frictionid.report.tables import Table, table_of, text_columns
 from frictionid.report.terminal import parameter_table, show_torque_left
@@ -148,7 +148,7 @@ def show_quick(result: Quick) -> None:
         say("")
         show_torque_left({result.chosen.name: result.chosen.torque}, _mechanism(result).joints)
     if result.refined:
-        say("", *_parameters(result.refined.parameters))
+        say("", *_parameters(with_levels(result.refined)))
     say(*(f"next: {advice}" for advice in check.next))
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.data.joint_scales import are_mixed
@@ -278,3 +279,27 @@ def added(chosen: Estimates, others: Mapping[str, Estimates]) -> str:
             values = (f"{e.name} {value_text(e)} {interval_text(e)}" for e in shown)
             parts.append(f"{name} shows {', '.join(values)}")
     return f"Identified, but no practical difference here: {'; '.join(parts)}." if parts else ""
+
+
+def with_levels(refined: Estimates) -> list[Estimate]:
+    """The parameters, and levels at rest where the data tell these but not what is Coulomb's.
+
+    The level is coulomb + peak; of a part at a bound, which has no error, it has the other's.
+    """
+    read = refined.parameters
+    places = {(e.joint, e.parameter): k for k, e in enumerate(read)}
+    out = list(read)
+    for k, coulomb in enumerate(read):
+        peak = coulomb.parameter.replace("coulomb", "peak")
+        i = places.get((coulomb.joint, peak), k)
+        both = [j for j in (k, i) if np.isfinite(read[j].error)]
+        if coulomb.identified or i == k or not both:
+            continue
+        C = refined.square(refined.covariance)[np.ix_(both, both)]
+        value, error = coulomb.value + read[i].value, float(np.sqrt(C.sum()))
+        half = float(stdtrit(refined.freedom, 0.975)) * error
+        if half <= value:
+            name, ends = f"{coulomb.parameter} + {read[i].name}", (value - half, value + half)
+            numbers = coulomb.unit, coulomb.joint, value, error, ends, ends
+            out.insert(out.index(read[i]) + 1, Estimate("friction", name, *numbers))
+    return out

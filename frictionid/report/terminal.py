@@ -13,7 +13,7 @@ from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 
 from .console import console, say
-from .numbers import interval_text, value_text
+from .numbers import interval_text, value_text, with_levels
 from .sections import Section, sections_of
 from .shooting_results import shooting_words
 from .side_by_side import SideBySide, change_table, comparable_lines, score_table
@@ -133,7 +133,7 @@ def show_table(table: Table) -> None:
 def show_refined(refined: Estimates) -> None:
     """Print the result of shooting: what makes it doubtful, parameters with intervals, findings."""
     head, findings = shooting_words(refined)
-    say(head, parameter_table(refined.parameters), findings)
+    say(head, parameter_table(with_levels(refined)), findings)
 
 
 def parameter_table(read: Sequence[Estimate], *, noise_alone: bool = False) -> Table:
