@@ -1,5 +1,6 @@
 """frictionid watch: external torque and friction while a machine runs."""
 
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -104,16 +105,30 @@ class _Shown:
         self.joints, self.json = joints, json
         self.converged = False
         self.since: dict[str, tuple[float, float]] = {}  # of joints in contact: start [s], peak
+        self.worn: set[tuple[str, bool]] = set()  # joints with other friction, and ways
 
     def __call__(self, seen: Any) -> None:
         for sentence in seen.damaged:
             print(f"watch: {sentence}", file=sys.stderr)
-        for time, *each in zip(seen.time, seen.torque, seen.band, strict=True):
+        columns = seen.time, seen.torque, seen.band, *seen.worn
+        for time, *each in zip(*columns, strict=True):
             rows = (row.tolist() for row in each)
-            for joint, torque, band in zip(self.joints, *rows, strict=True):
-                self._joint(joint, float(time), torque, band)
+            for joint, torque, band, worn, width in zip(self.joints, *rows, strict=True):
+                left, wide = torque - worn, math.hypot(band, width)
+                self._joint(joint, float(time), left, wide)
+                if abs(torque) > band and abs(left) <= wide and abs(worn) > width:
+                    self._worn(joint, float(time), torque, band)
         if seen.estimate is not None:
             self._friction(seen.estimate)
+
+    def _worn(self, joint: str, time: float, torque: float, band: float) -> None:
+        """Once of a joint that its friction has changed, as both directions of motion show."""
+        if (joint, torque > 0) not in self.worn:
+            self.worn.add((joint, torque > 0))
+            if (joint, torque <= 0) in self.worn:
+                text = f"{time:.3f} s: friction of {joint} has changed, {abs(torque):.3g} N m"
+                numbers = {"time": time, "friction": joint, "torque": abs(torque), "band": band}
+                self._say(f"{text} (band {band:.2g})", numbers)
 
     def _joint(self, joint: str, time: float, torque: float, band: float) -> None:
         """Of one sample the begin or the end of a contact."""

@@ -19,6 +19,8 @@ from frictionid.errors import InputError
 
 from ..monitor.changes import Changes, Reference, prepared_data, recording_changes
 from ..monitor.effects import PARTS, Effect, total_weights
+from .external import Band, deviation
+from .momentum_observer import Observed
 from .stream import Chunk
 
 # What the model knows of sensors and masses, as a share of the priors of a monitor, which asks for
@@ -26,6 +28,31 @@ from .stream import Chunk
 _KNOWN = 0.02
 _FEW = 4  # stretches before which nothing has converged
 _REACH = 1.96  # standard errors of a 95 % band
+# Variance of a change of friction, in levels: by how much it grows in a second, while a change
+# explains the torque, and while none does.
+_DRIFT, _OPEN = 1e-6, 3e-3
+
+
+def worn(said: Observed, band: Band, before: float, change: Array) -> tuple[Array, Array, Array]:
+    """Torque (K, n) that friction's change makes, half its width, and the change (2, n) after them.
+
+    The change over the level, with its variance, by a Kalman filter. Friction changes in both
+    directions of motion, and slowly: a torque that leaves the band of what was so far is none.
+
+    before : time of the last sample [s]
+    """
+    mean, variance = change
+    size, out = deviation(said, band.noise, band.shake), np.zeros((2, *said.torque.shape))
+    steps = np.diff(said.time, prepend=before)
+    for k in np.flatnonzero(said.settled):
+        h, dt = said.opposing[k], float(steps[k])
+        left, own = said.torque[k] - h * mean, np.abs(h) * np.sqrt(variance)
+        out[:, k] = h * mean, band.factor * own
+        explained = np.abs(left) <= band.factor * np.hypot(own, size[k])
+        gain = explained * variance * h / (own**2 + size[k] ** 2 * max(band.response / dt, 1.0))
+        mean = mean + gain * left
+        variance = (1.0 - gain * h) * variance + np.where(explained, _DRIFT, _OPEN) * dt
+    return *out, np.stack([mean, np.minimum(variance, 1.0)])
 
 
 def drawn_by_noise(said: Changes, effects: Sequence[Effect]) -> tuple[Array, Array]:

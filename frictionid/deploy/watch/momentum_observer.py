@@ -59,7 +59,8 @@ class State(NamedTuple):
     begin : of the stream, after the last gap or jump [s]; fastest : (n,) so far, without jumps
     first, second : (2 n,), filters of angles and torques; momentum, force : (S, n)
     stick : (n,), share of friction that rest leaves open; memory : of the friction's law
-    slower, torque : (S + 1, n), the observer's filter, of the members' torques and of `stick`
+    slower, torque : (S + 2, n), the observer's filter, of the members' torques, of `stick`, and of
+        `opposing`
     """
 
     time: float
@@ -81,6 +82,7 @@ class Observed(NamedTuple):
 
     time (K,); torque (K, n) [N m] by the fit; spread (K, n) [N m], of the members about it
     stick (K, n) [N m]; M (K, n, n) [kg m^2], which makes torques of the angles' noise
+    opposing (K, n) [N m], what the level of friction does where a joint slides
     begin (K,) of the stream, after the last gap or jump [s]; settled (K,) of bool
     """
 
@@ -91,6 +93,7 @@ class Observed(NamedTuple):
     M: Array
     begin: Array
     settled: Array
+    opposing: Array
 
 
 class MomentumObserver(NamedTuple):
@@ -123,7 +126,7 @@ class MomentumObserver(NamedTuple):
         """State at the first sample: at rest, with its torque (n,)."""
         S, n = self.members.gain.shape
         held = np.concatenate([angle, torque])
-        nothing, out = np.zeros((S, n)), np.zeros((S + 1, n))
+        nothing, out = np.zeros((S, n)), np.zeros((S + 2, n))
         x = self._inputs(held[None], np.zeros((1, n)))
         memory = self.friction.law.start(self.members.theta, x)
         zero = nothing[0]
@@ -164,7 +167,9 @@ class MomentumObserver(NamedTuple):
         mean = (np.concatenate([state.force[None], force[:-1]]) + force) / 2
         left = (momentum - before) / dt[:, None, None] - mean
         open_share = (np.concatenate([state.stick[None], stick[:-1]]) + stick) / 2
-        both = np.concatenate([left, open_share[:, None]], axis=1)
+        w, A = self.quick * (first - second)[:, : angle.shape[1]], self.plant.mechanism.friction_map
+        opposing = -(self.level * np.sign(w @ A.T)) @ A
+        both = np.concatenate([left, open_share[:, None], opposing[:, None]], axis=1)
         slower, out = _filtered(both, both, dt, self.rate, state.slower, state.torque)
         jumps, fastest = _jumps(np.abs(angle - last), dt, state.fastest)
         anew = jumps | (dt > _GAP / self.rate)
@@ -184,8 +189,9 @@ class MomentumObserver(NamedTuple):
             slower[-1],
             out[-1],
         )
-        spread = np.sqrt(((out[:, 1:-1] - out[:, :1]) ** 2).sum(axis=1))
-        return after, Observed(time, out[:, 0], spread, out[:, -1], M, begin, settled)
+        spread = np.sqrt(((out[:, 1:-2] - out[:, :1]) ** 2).sum(axis=1))
+        said = Observed(time, out[:, 0], spread, out[:, -2], M, begin, settled, out[:, -1])
+        return after, said
 
     @property
     def quick(self) -> float:

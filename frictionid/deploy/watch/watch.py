@@ -24,7 +24,7 @@ from frictionid.outputs import check_outputs
 from ..monitor.baseline import reference_of
 from ..monitor.changes import prepared_data, recording_changes
 from .external import Band, band_of, interval_torques, momentum_observer_of, with_band
-from .live import Estimate, Live, LiveFriction, drawn_by_noise
+from .live import Estimate, Live, LiveFriction, drawn_by_noise, worn
 from .momentum_observer import MomentumObserver, State
 from .stream import Chunk, chunks_of, lines_of, part, sound_chunk
 
@@ -35,6 +35,7 @@ _STRETCH, _LAST = 5.0, 1.0  # [s] that the live estimate takes at a time, and at
 class Seen(NamedTuple):
     """What new samples said: time (K,), torque and band (K, n) [N m], and the live estimate.
 
+    worn (2, K, n) [N m] : torque that a change of friction explains, and half its band
     estimate : None until a stretch of some seconds is complete
     damaged : sentences on rows that were left out
     """
@@ -42,6 +43,7 @@ class Seen(NamedTuple):
     time: Array
     torque: Array
     band: Array
+    worn: Array
     estimate: Estimate | None
     damaged: tuple[str, ...] = ()
 
@@ -113,7 +115,8 @@ def watched(
             continue
         if stream is None:
             state = watch.momentum_observer.start(float(new.time[0]), new.angle[0], new.torque[0])
-            stream = _Stream(state, part(new, 0, 1), watch.friction.start())
+            unknown = np.stack([np.zeros_like(new.angle[0]), np.ones_like(new.angle[0])])
+            stream = _Stream(state, part(new, 0, 1), watch.friction.start(), unknown)
             new = part(new, 1)
         if len(new.time):
             stream, seen = _stepped(watch, stream, new)
@@ -123,18 +126,22 @@ def watched(
         yield Seen(*_nothing(watch), watch.friction.estimate(live))
 
 
-def _nothing(watch: Watch) -> tuple[Array, Array, Array]:
-    """Time, torque and band of no sample."""
+def _nothing(watch: Watch) -> tuple[Array, Array, Array, Array]:
+    """Time, torque, band and wear of no sample."""
     none = np.empty((0, watch.mechanism.n))
-    return np.empty(0), none, none
+    return np.empty(0), none, none, np.stack([none, none])
 
 
 class _Stream(NamedTuple):
-    """Where a stream is: the observer, the stretch up to the last sample, and the estimate."""
+    """Where a stream is: the observer, the stretch up to the last sample, and the estimate.
+
+    change : (2, n), of friction over its level, and the variance of that
+    """
 
     state: State
     stretch: Chunk
     live: Live
+    change: Array
 
 
 def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
@@ -158,8 +165,9 @@ def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
             end = int(np.argmax(stretch.time - stretch.time[0] >= _STRETCH))
             live = watch.friction.added(live, part(stretch, 0, end + 1))
             estimate, stretch = watch.friction.estimate(live), part(stretch, end)
-    seen = Seen(said.time, *with_band(said, watch.band), estimate)
-    return _Stream(state, stretch, live), seen
+    *wear, change = worn(said, watch.band, stream.state.time, stream.change)
+    seen = Seen(said.time, *with_band(said, watch.band), np.stack(wear), estimate)
+    return _Stream(state, stretch, live, change), seen
 
 
 # --- As C -----------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from fixtures.refusals import assert_one_line, assert_refused
 
 import frictionid as fid
 from frictionid.data.signals import taken
+from frictionid.deploy.watch.cli import _Shown
 from frictionid.deploy.watch.external import interval_torques, noises
 from frictionid.deploy.watch.momentum_observer import Observed
 from frictionid.deploy.watch.stream import Chunk, part
@@ -26,14 +27,14 @@ from frictionid.simulate import Camera, Drive, Multisine, Run, Variation, write_
 PUSH, BEGIN, END = 0.3, 4.0, 5.0  # N m, s
 
 
-def recorded(count=4, seconds=12.0, noise=2e-4, seed=1, scatter=0.0):
+def recorded(count=4, seconds=12.0, noise=2e-4, seed=1, scatter=0.0, coulomb=0.1):
     """A pendulum with Coulomb and viscous friction, at 200 samples a second."""
     torque = Multisine(1.2, (0.7, 1.1, 1.6))
     runs = (Run(f"r{i}", (0.2 * i,), torques=(torque,)) for i in range(count))
     camera = Camera(int(seconds * 200) + 1, 200.0, noise)
     varied = Variation(scatter=scatter) if scatter else None
     settings = {"variation": varied, "seed": seed, "substeps": 1, "drive": Drive(rate=200.0)}
-    return simulated(0.1, 0.02, camera, runs, **settings)
+    return simulated(coulomb, 0.02, camera, runs, **settings)
 
 
 def pushed(recording):
@@ -95,7 +96,8 @@ def test_noise_of_angles_is_told_from_errors_of_the_model_though_someone_touches
     torque[::100] += 30.0
     nothing = np.zeros((count, 2))
     settled = np.ones(count, dtype=bool)
-    said = Observed(np.arange(count) / 10.0, torque, nothing, nothing, M, 0.0 * settled, settled)
+    time = np.arange(count) / 10.0
+    said = Observed(time, torque, nothing, nothing, M, 0.0 * settled, settled, nothing)
     for estimate, true in zip(noises(said), (noise, shake), strict=True):
         np.testing.assert_allclose(estimate, true, rtol=0.15)
 
@@ -210,6 +212,27 @@ def test_a_jump_ends_a_stretch_of_the_live_estimate(watch, quiet, jumped, tmp_pa
 
 def samples_of(recording):
     return Chunk(recording.angle.time, recording.angle.value, recording.torque.value)
+
+
+@pytest.mark.parametrize(
+    ("coulomb", "change", "said"),
+    [
+        (0.1, pushed, ["contact"]),
+        (0.14, lambda r: r, ["friction"]),
+        (0.14, pushed, ["friction", "contact"]),
+    ],
+)
+def test_worn_friction_is_named_friction_and_a_push_a_contact(
+    watch, tmp_path, capsys, coulomb, change, said
+):
+    write_dataset(each(recorded(1, seed=9, coulomb=coulomb), change), tmp_path)
+    show = _Shown(watch.mechanism.joints, True)
+    for seen in watched(watch, tmp_path, in_pieces((tmp_path / "r0.csv").read_bytes(), 9999), 0.0):
+        show(seen)
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    told = [(k, each["time"]) for each in told for k in ("contact", "friction") if k in each]
+    assert [kind for kind, _ in told] == said
+    assert all(BEGIN < time < BEGIN + 0.15 for kind, time in told if kind == "contact")
 
 
 def test_memory_is_that_of_a_stretch(watch, quiet):
