@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction, Inputs
+from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.provenance import Dropped
 
 from .fit import Covariance, forget
@@ -197,6 +197,24 @@ def _undetermined(
             else f"only a combination of {', '.join(names[:-1])} and {names[-1]} shows in the data"
         )
     return value[::-1], lost, tuple(words)
+
+
+def without_shared(covariance: Covariance, law: Law) -> Covariance:
+    """The covariance without entries of a law beside others that the data do not tell.
+
+    Bristles that bend less pass for their damping: no interval by slopes holds what that may be.
+    """
+    at = {p.place: k for k, p in enumerate(covariance.parameters) if p.block == "friction"}
+    words, matrix, known = [], covariance.matrix.copy(), covariance.identified
+    for (j, i), k in () if law.is_network else at.items():
+        names = [p.name for p in law.parameters]
+        other = law.parameters[i].beside
+        beside = at.get((j, names.index(other))) if other in names else None
+        if beside is not None and not known[beside]:
+            forget(matrix, [k])
+            a, b = (covariance.parameters[place].name for place in (k, beside))
+            words.append(f"{a} has no interval beside {b}, which the data do not tell")
+    return replace(covariance, matrix=matrix, undetermined=(*covariance.undetermined, *words))
 
 
 def least_significant(

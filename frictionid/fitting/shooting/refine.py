@@ -14,7 +14,7 @@ from frictionid.friction import Friction
 from frictionid.friction.laws.levels import LOAD
 from frictionid.friction.provenance import Diagnostics, Residuals, Segment
 
-from ..covariance import least_significant
+from ..covariance import least_significant, without_shared
 from ..fit import Covariance, Fit
 from ..neutral import at_neutral_bound, freed, sentences_of, with_held
 from ..one_step.formulation import states_of
@@ -190,7 +190,8 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     friction = stage.network or as_given(estimate.friction, start)
     friction = replace(friction, calibration=estimate.calibration, parameters={})
     covariance = _with_held(covariance, stage)
-    return Fit(friction, covariance.each, diagnostics, fitted)
+    covariance = without_shared(covariance.each, estimate.friction.law)
+    return Fit(friction, covariance, diagnostics, fitted)
 
 
 def _with_held(covariance: Covariance, stage: Stage) -> Covariance:

@@ -141,7 +141,8 @@ class LuGre(BristleLaw):
         # bristles bend slowly: at a tenth of the fastest speed it may well be as large as the level
         damping = LawParameter("damping", "N m s/rad", size=10.0)
         velocity = LawParameter("damping_velocity", "rad/s", initial=(0.1,))
-        return (*self.level.parameters, VISCOUS, PRESLIDING, damping, velocity)
+        presliding = PRESLIDING._replace(beside=damping.name)
+        return (*self.level.parameters, VISCOUS, presliding, damping, velocity)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         w, z, xp = x.w, memory[0], namespace(theta, x.w)
