@@ -49,14 +49,14 @@ def method_of(
     >>> method_of("study").name
     'study'
     """
-    if hasattr(method, "fit"):
+    if not isinstance(method, str) and hasattr(method, "fit"):
         if free is not None or fixed or windows is not None or iterations is not None or consistent:
             raise InputError(
                 "free, fixed, windows, iterations and consistent go with the name of a method"
             )
         return method
     if method not in METHODS:
-        raise InputError(f"method = {method!r} is unknown; {nearest(method, METHODS)}")
+        raise InputError(f"method = {method!r} is unknown; {nearest(str(method), METHODS)}")
     if method in ONE_STEP:
         method, recipe = "one_step", method
     calibrated = None

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -10,9 +10,6 @@ import frictionid as fid
 
 from .options import DatasetPath, numbers, settings
 from .progress import heard
-
-if TYPE_CHECKING:
-    from frictionid.check import Finding
 
 
 def fit(
@@ -39,9 +36,7 @@ def fit(
     replace: bool = False,
     trust: bool = False,
 ) -> None:
-    """Fit friction to all recordings of a data set.
-
-    The exit status is 2 where `check` calls the data unusable: the model says so.
+    """Fit friction to all recordings of a data set; exit status 2 where these are unusable.
 
     Parameters
     ----------
@@ -73,13 +68,11 @@ def fit(
 
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
     check_outputs([*model_paths(out), figure], read, replace=replace)
-    law_settings = settings(set_ or [])
-    chosen = identifier_of(identifier, law_settings)
+    chosen = identifier_of(identifier, law_settings := settings(set_ or []))
     if figure is not None:
         check_drawable(chosen)
     loaded = fid.load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
-        unusable = _unusable(fid.check(loaded).details.findings)
         fitted = fid.fit(
             *(loaded, chosen),
             method=by,
@@ -95,25 +88,24 @@ def fit(
             seed=seed,
             bias=bias,
         )
-    source = fitted.friction.provenance
-    fitted = fid.Fit(fitted.friction.noted({"limits": unusable + source.limits}), loaded)
+        fitted, status = _judged(fitted, loaded)
     fitted.save(out)
     if figure is not None:
         write_bytes(figure, png(lambda: fit_figure(fitted.friction, loaded)))
-    if json:
-        print(out.read_text(encoding="utf-8"), end="")
-    else:
-        _show(fitted, law_settings, filter(None, (out, figure)))
-    raise typer.Exit(2 if unusable else 0)
+    text, written = out.read_text(encoding="utf-8"), filter(None, (out, figure))
+    print(text, end="") if json else _show(fitted, law_settings, written)
+    raise typer.Exit(status)
 
 
 _WINDOWS = "be lengths in seconds, e.g. --windows 0.1,0.3"
 
 
-def _unusable(findings: "Iterable[Finding]") -> tuple[str, ...]:
-    """Sentences on why no model of these data can be trusted."""
-    each = (f for f in findings if f.level == "unusable")
-    return tuple(f"the data are unusable: {f.text} -> {f.remedy}" for f in each)
+def _judged(fitted: "fid.Fit", data: "fid.Dataset") -> tuple["fid.Fit", int]:
+    """The fit, which says why data are unusable that are, and the exit status."""
+    findings = [f for f in fid.check(data).details.findings if f.level == "unusable"]
+    words = tuple(f"the data are unusable: {f.text} -> {f.remedy}" for f in findings)
+    limits = words + fitted.friction.provenance.limits
+    return fid.Fit(fitted.friction.noted({"limits": limits}), data), 2 if words else 0
 
 
 def _show(fitted: "fid.Fit", chosen: Iterable[str], written: Iterable[Path]) -> None:

@@ -46,10 +46,10 @@ def worn(said: Observed, band: Band, before: float, change: Array) -> tuple[Arra
     steps = np.diff(said.time, prepend=before)
     for k in np.flatnonzero(said.settled):
         h, dt = said.opposing[k], float(steps[k])
-        left, own = said.torque[k] - h * mean, np.abs(h) * np.sqrt(variance)
-        out[:, k] = h * mean, band.factor * own
-        explained = np.abs(left) <= band.factor * np.hypot(own, size[k])
-        gain = explained * variance * h / (own**2 + size[k] ** 2 * max(band.response / dt, 1.0))
+        left, width = said.torque[k] - h * mean, np.abs(h) * np.sqrt(variance)
+        out[:, k] = h * mean, band.factor * width
+        explained = np.abs(left) <= band.factor * np.hypot(width, size[k])
+        gain = explained * variance * h / (width**2 + size[k] ** 2 * max(band.response / dt, 1.0))
         mean = mean + gain * left
         variance = (1.0 - gain * h) * variance + np.where(explained, _DRIFT, _OPEN) * dt
     return *out, np.stack([mean, np.minimum(variance, 1.0)])
