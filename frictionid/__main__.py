@@ -1,4 +1,4 @@
-"""The command line: one command per file, everything heavy imported when a command runs."""
+"""The command line: everything heavy is imported when a command runs."""
 
 import sys
 import warnings
@@ -7,19 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from frictionid.cli.check import check, quick
-from frictionid.cli.data import data
-from frictionid.cli.evaluate import evaluate, predict
-from frictionid.cli.fit import fit
-from frictionid.cli.init import init
-from frictionid.cli.kinds import identifiers, laws, mechanisms
+from frictionid.cli.experiments import simulate, suggest
+from frictionid.cli.fit import evaluate, fit, predict
+from frictionid.cli.installed import data, identifiers, laws, mechanisms, warm
 from frictionid.cli.options import add_command
 from frictionid.cli.progress import QUIET, said_once, without_quiet
-from frictionid.cli.report import report
-from frictionid.cli.simulate import simulate
-from frictionid.cli.suggest import suggest
-from frictionid.cli.suites import compare, sensitivity, tune
-from frictionid.cli.warm import warm
+from frictionid.cli.start import check, init, quick
+from frictionid.cli.suites import compare, report, sensitivity, tune
 from frictionid.deploy.cli import baseline, compensate, export, monitor, pool
 from frictionid.deploy.watch.cli import watch
 from frictionid.errors import InputError

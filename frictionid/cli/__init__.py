@@ -1,1 +1,1 @@
-"""Commands, one per file; everything heavy is imported when a command runs."""
+"""Commands; everything heavy is imported when a command runs."""

@@ -184,7 +184,7 @@ def test_a_terminal_is_asked_for_what_is_missing(call, tmp_path, monkeypatch):
         asked.append(text)
         return next(value for key, value in answers.items() if text.startswith(key))
 
-    command = import_module("frictionid.cli.init")
+    command = import_module("frictionid.cli.start")
     monkeypatch.setattr(command, "_is_asked", lambda: True)
     monkeypatch.setattr(command.typer, "prompt", prompt)
     assert call("init arm")[0] == 0

@@ -1,4 +1,4 @@
-"""frictionid suggest: torque signals or trajectories that identify friction, within limits."""
+"""frictionid suggest and simulate: what to record, and data with known friction."""
 
 from pathlib import Path
 from typing import Any
@@ -95,3 +95,36 @@ def _places(out: Path, recordings: int) -> list[Path]:
     if recordings == 1:
         return [out]
     return [out.with_name(f"{out.stem}_{r + 1}{out.suffix}") for r in range(recordings)]
+
+
+def simulate(
+    rig: PresentPath,
+    *,
+    out: Path,
+    seed: int | None = None,
+    noise_free: bool = False,
+    json: bool = False,
+    replace: bool = False,
+) -> None:
+    """Simulate recordings of a rig with known friction.
+
+    Parameters
+    ----------
+    rig : Settings of the rig, a rig.toml.
+    out : Folder of the data set to write.
+    seed : Seed, in place of the rig's.
+    noise_free : Exact angles.
+    """
+    from frictionid.files import read_bytes
+    from frictionid.simulate import check_dataset_folder, load_rig, write_dataset
+
+    check_dataset_folder(out, replace=replace)
+    settings = load_rig(rig)
+    dataset = fid.simulate(settings, seed, noise_free=noise_free)
+    # the rig.toml is kept only with the data that it makes as it stands
+    same = seed in (None, settings.seed) and not noise_free
+    write_dataset(dataset, out, {"rig.toml": read_bytes(rig)} if same else {}, replace=replace)
+    samples = sum(len(recording.angle.time) for recording in dataset.recordings)
+    counts = {"dataset": dataset.name, "recordings": dataset.names, "samples": samples}
+    text = f"{dataset.name}: {len(dataset.names)} recordings, {samples} samples"
+    show(text, counts, [out], json=json)

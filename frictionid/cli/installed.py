@@ -1,4 +1,4 @@
-"""frictionid data: public recordings, what is known of them and how they get here."""
+"""frictionid laws, identifiers, mechanisms, data and warm: what there is on this machine."""
 
 from pathlib import Path
 from typing import Any
@@ -6,6 +6,54 @@ from typing import Any
 import typer
 
 from .options import add_command
+from .progress import running
+
+
+def list_kinds(command: str, name: str, json: bool) -> None:
+    """Print all kinds that a command lists in short, or all of one, or either as JSON."""
+    from frictionid.comparison import kind_descriptions
+    from frictionid.files import json_text
+    from frictionid.report.console import show_kind, show_kinds
+
+    kinds = getattr(kind_descriptions, command)()
+    chosen = [kind_descriptions.described(kinds, name)] if name else kinds
+    if json:
+        print(json_text(chosen), end="")
+    elif name:
+        show_kind(chosen[0])
+    else:
+        show_kinds(chosen, f"All of one: frictionid {command} NAME")
+
+
+def laws(name: str = "", *, json: bool = False) -> None:
+    """List the friction laws of model files, with their equations, parameters and units.
+
+    Parameters
+    ----------
+    name : Show all of this one.
+    """
+    list_kinds("laws", name, json)
+
+
+def identifiers(name: str = "", *, json: bool = False) -> None:
+    """List what --identifier of fit and [[identifiers]] of a suite can name, with settings.
+
+    Parameters
+    ----------
+    name : Show all of this one.
+    """
+    list_kinds("identifiers", name, json)
+
+
+def mechanisms(name: str = "", *, json: bool = False) -> None:
+    """List the mechanisms that [mechanism] of a data set can name, with parameters and units.
+
+    Parameters
+    ----------
+    name : Show all of this one.
+    """
+    list_kinds("mechanisms", name, json)
+
 
 data = typer.Typer(help="List and get public recordings.", no_args_is_help=True)
 
@@ -81,3 +129,12 @@ def _hashes(hashed: Any, total: Any) -> str:
 
 add_command(data, list_, "list")
 add_command(data, get)
+
+
+def warm() -> None:
+    """Compile what commands run as machine code, once on a machine; the first run does it else."""
+    from frictionid.api.warm import STEPS, warm_up
+
+    with running([name for name, _ in STEPS], "compiling") as done:
+        warm_up(done)
+    print("compiled: the next run of a command begins at once")
