@@ -22,7 +22,7 @@ from script import call
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.deploy.watch.external import band_of
+from frictionid.deploy.external_torque import band_of
 from frictionid.friction.provenance import Provenance
 from frictionid.simulate import Rig, simulate
 

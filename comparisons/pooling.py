@@ -22,7 +22,7 @@ import pandas as pd
 from drive_logs import ServoPendulum
 
 import frictionid as fid
-from frictionid.deploy.pooling.random_effects import random_effects
+from frictionid.deploy.random_effects import random_effects
 
 COUNT, SEED = 1000, 0
 SPECIMENS, SPREADS = (2, 3, 5, 10), (0.0, 0.5, 1.0, 3.0)

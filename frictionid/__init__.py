@@ -46,16 +46,16 @@ if TYPE_CHECKING:
     from frictionid.deploy.compensation import compensation_table as compensation_table
     from frictionid.deploy.compensation import feed_forward as feed_forward
     from frictionid.deploy.export.export import export as export
+    from frictionid.deploy.external_torque import external_torque as external_torque
     from frictionid.deploy.gym_env import Episode as Episode
     from frictionid.deploy.gym_env import FrictionEnv as FrictionEnv
     from frictionid.deploy.gym_env import FrictionVectorEnv as FrictionVectorEnv
     from frictionid.deploy.monitor.monitor import baseline as baseline
     from frictionid.deploy.monitor.monitor import monitor as monitor
-    from frictionid.deploy.pooling.pool import Pooled as Pooled
-    from frictionid.deploy.pooling.pool import over_covariate as over_covariate
-    from frictionid.deploy.pooling.pool import pool as pool
+    from frictionid.deploy.pool import Pooled as Pooled
+    from frictionid.deploy.pool import over_covariate as over_covariate
+    from frictionid.deploy.pool import pool as pool
     from frictionid.deploy.simulator import Simulator as Simulator
-    from frictionid.deploy.watch.external import external_torque as external_torque
     from frictionid.errors import InputError as InputError
     from frictionid.evaluation.folds import Split as Split
     from frictionid.fitting.identifier import Identifier as Identifier

@@ -14,8 +14,7 @@ from frictionid.cli.options import add_command
 from frictionid.cli.progress import QUIET, said_once, without_quiet
 from frictionid.cli.start import check, init, quick
 from frictionid.cli.suites import compare, report, sensitivity, tune
-from frictionid.deploy.cli import baseline, compensate, export, monitor, pool
-from frictionid.deploy.watch.cli import watch
+from frictionid.deploy.cli import baseline, compensate, export, monitor, pool, watch
 from frictionid.errors import InputError
 from frictionid.rig.cli import align, excite, log, render, simulate_drive, track
 

@@ -1,13 +1,17 @@
-"""frictionid export and frictionid compensate: a friction for simulators, controllers, drives."""
+"""frictionid export, compensate, baseline, monitor, pool and watch: what a friction is for."""
 
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from time import sleep
+from typing import Annotated, Any, Literal
 
 import typer
 
 import frictionid as fid
 from frictionid.cli.options import DatasetPath, ModelPaths, PresentOrNone, PresentPath, present
-from frictionid.cli.progress import heard, show
+from frictionid.cli.progress import heard, is_quiet, show
 from frictionid.errors import InputError
 
 from .export import FORMATS
@@ -238,3 +242,154 @@ def _over(models: list[Path], over: str, at: float | None, out: Path, *, json: b
     print(lines.frame.to_json(orient="records") if json else lines)
     if not json:
         print(f"written to {out}: friction at {name} = {value:g}")
+
+
+# --- Watch ----------------------------------------------------------------------------------------
+
+
+def watch(
+    model: PresentPath,
+    dataset: Path,
+    *,
+    follow: Path | None = None,
+    port: str = "",
+    baud: Annotated[int, typer.Option(min=1)] = 115200,
+    header: str = "",
+    response: float = 0.1,
+    rate: float = 1.0,
+    idle: Annotated[float | None, typer.Option(min=0.0)] = None,
+    code: Path | None = None,
+    data: PresentOrNone = None,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
+) -> None:
+    """Say which torque acts from outside, and what friction is, while a machine runs.
+
+    Parameters
+    ----------
+    dataset : Data set of the machine: its columns, and recordings without contact.
+    follow : Table that is being written, or will be (CSV).
+    port : Serial port that sends such a table.
+    baud : Of the port.
+    header : First line of the table, where the stream has none.
+    response : Lag of the external torque [s].
+    rate : False contacts per hour.
+    idle : End after so many seconds without data [never].
+    code : C file of the observer to write.
+    """
+    from frictionid.friction.model_files import load_model
+
+    from .compensation import friction_in
+    from .watch import watch_of, watched, write_code
+
+    if code is None and (follow is None) == (not port):
+        raise InputError("watch: name one of --follow FILE and --port NAME, or --code FILE")
+    loaded = fid.load_dataset(dataset, data, trust=trust)
+    if code is None and loaded.servos:
+        raise InputError(
+            f"watch: {dataset}: torques by [actuator] need a whole recording: stream a column of "
+            "torques, or record first and call frictionid.external_torque"
+        )
+    machine = watch_of(friction_in(load_model(model)), loaded, response, rate)
+    if code is not None:
+        for path in write_code(machine, code, [model], replace=replace):
+            print(f"written to {path}")
+        return
+    ends = float("inf") if idle is None else idle
+    seen = watched(machine, dataset, _source(follow, port, baud), ends, header)
+    _show_stream(seen, machine.mechanism.joints, json=json)
+
+
+def _source(follow: Path | None, port: str, baud: int) -> Callable[[], bytes]:
+    from frictionid.files import regular_file
+
+    from .watch import bytes_of_file
+
+    if follow is not None:
+        if not follow.exists() and not is_quiet():
+            print(f"watch: {follow} is not there yet, waiting; Ctrl-C ends it", file=sys.stderr)
+        while not follow.exists():
+            sleep(0.1)
+        return bytes_of_file(regular_file(follow))
+    from frictionid.rig.log import Port, UnpluggedError
+
+    opened = Port(port, baud)
+
+    def read() -> bytes:
+        try:
+            return opened.read(0.0)
+        except UnpluggedError:
+            raise InputError(f"port {port} is gone: plug it in, and watch again") from None
+
+    return read
+
+
+def _show_stream(several: Iterable[Any], joints: Sequence[str], *, json: bool) -> None:
+    """Print contacts when they begin and end, and friction when there is a new estimate."""
+    from frictionid.files import json_text
+
+    since: dict[str, tuple[float, float]] = {}  # of joints in contact: start [s], peak
+    worn: set[tuple[str, bool]] = set()  # joints with other friction, and ways
+    seen, converged = None, False
+    for seen in several:
+        for sentence in seen.damaged:
+            print(f"watch: {sentence}", file=sys.stderr)
+        said = list(_contacts(seen, joints, since, worn))
+        if (e := seen.estimate) is not None:
+            numbers = {"seconds": e.seconds, "share": e.share, "band": e.band}
+            news = "; converged" * (e.converged and not converged)
+            said.append((_friction(e) + news, {**numbers, "converged": e.converged}))
+            converged = e.converged
+        for text, numbers in said:
+            print(" ".join(json_text(numbers).split()) if json else text, flush=True)
+    if seen is None:
+        raise InputError("watch: no sample came: a header and two rows are the least")
+
+
+def _contacts(
+    seen: Any,
+    joints: Sequence[str],
+    since: dict[str, tuple[float, float]],
+    worn: set[tuple[str, bool]],
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Begins and ends of contacts, and changes of friction, as text and in numbers.
+
+    `since` has the contacts that last, `worn` the joints and ways that show other friction: once
+    both do, it is said.
+    """
+    columns = seen.torque, seen.band, *seen.worn
+    for time, *each in zip(seen.time.tolist(), *columns, strict=True):
+        rows = (row.tolist() for row in each)
+        for joint, torque, band, change, width in zip(joints, *rows, strict=True):
+            left, wide = torque - change, math.hypot(band, width)
+            touches, begins = abs(left) > wide, joint not in since
+            if touches and begins:
+                since[joint] = time, left
+                text = f"{time:.3f} s: contact at {joint}, {left:+.3g} N m (band {wide:.2g})"
+                yield text, {"time": time, "contact": joint, "torque": left, "band": wide}
+            elif touches:
+                start, peak = since[joint]
+                since[joint] = start, max(peak, left, key=abs)
+            elif not begins:
+                start, peak = since.pop(joint)
+                seconds, most = time - start, f"{peak:+.3g} N m at most"
+                text = f"{time:.3f} s: its end at {joint} after {seconds:.2f} s, {most}"
+                yield text, {"time": time, "end": joint, "seconds": seconds, "most": peak}
+            way = joint, torque > 0
+            if not touches and abs(torque) > band and abs(change) > width and way not in worn:
+                worn.add(way)
+                if (joint, torque <= 0) in worn:
+                    size = abs(torque)
+                    text = f"{time:.3f} s: friction of {joint} has changed, {size:.3g} N m"
+                    numbers = {"time": time, "friction": joint, "torque": size, "band": band}
+                    yield f"{text} (band {band:.2g})", numbers
+
+
+def _friction(e: Any) -> str:
+    """An estimate in words."""
+    each = ", ".join(
+        f"{100 * s:.1f}" + (f" +- {100 * b:.1f} %" if b < float("inf") else " %")
+        for s, b in zip(e.share.tolist(), e.band.tolist(), strict=True)
+    )
+    return f"{e.seconds:.0f} s of data: friction of the model's {each}"

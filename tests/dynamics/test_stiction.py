@@ -74,7 +74,7 @@ def slide_and_stick(plant, level, q, w):
     def rate(_, y, side):
         return [y[1], (-gravity * np.sin(y[0]) - side * level) / inertia]
 
-    def turn(_, y, side):  # noqa: ARG001
+    def turn(_, y, side):
         return y[1]
 
     turn.terminal = True

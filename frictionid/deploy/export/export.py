@@ -22,8 +22,8 @@ from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.outputs import check_outputs
 
 from ..compensation import CompensationLaw, listed
-from ..pooling.models import with_parameters
-from ..pooling.random_effects import pooled_draws
+from ..pooled_models import with_parameters
+from ..random_effects import pooled_draws
 from .exported import ExportedFriction, ExportSettings, Written, exported
 from .nearest import Replay, cost_of, cost_sentence
 from .round_trip import sentence

@@ -38,8 +38,16 @@ from frictionid.friction import Friction, along
 from frictionid.friction.provenance import Segment
 from frictionid.mechanics import Mechanism
 
-from .effects import DELAY, PARTS, PAYLOAD, Effect, parts_at, payloads, shares, total_weights
-from .motion import motion_of
+from .effects import (
+    DELAY,
+    PARTS,
+    PAYLOAD,
+    Effect,
+    motion_of,
+    parts_at,
+    payloads,
+    shares,
+)
 
 _STEP = 1e-3  # of the sensors' numbers and of masses, for derivatives
 _SHIFT = 5e-3  # [s] of a held torque, to either side, or a sample
@@ -120,13 +128,6 @@ def in_proportion(reference: Reference) -> Array:
     out = np.zeros((n, n, len(PARTS)))
     out[places, places] = (np.linalg.pinv(shapes.swapaxes(1, 2)) @ curves[..., None])[..., 0]
     return np.pad(out.reshape(n, -1), ((0, 0), (0, len(reference.effects) - out[0].size)))
-
-
-def totals(changes: Changes, speeds: Array) -> Array:
-    """Changes (R, n) of each joint's friction at its usual speed [N m]."""
-    weights = total_weights(speeds)
-    parts = changes.value[:, : weights.size].reshape(-1, *weights.shape)
-    return (parts * weights).sum(axis=-1)
 
 
 def prepared_data(dataset: Dataset) -> Prepared:

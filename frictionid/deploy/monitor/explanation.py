@@ -25,8 +25,7 @@ from scipy.special import fdtrc  # scipy.stats takes half a second to import
 from frictionid.arrays import Array
 
 from .changes import Changes, with_others_held
-from .effects import FRICTION, Effect, causes_of
-from .motion import apart
+from .effects import FRICTION, Effect, apart, causes_of
 
 _SHRINKAGES = 10.0 ** np.arange(-1.0, 4.0)  # of the motion's slopes, in recordings
 _LEAST = 0.02  # of the variance of independent rows

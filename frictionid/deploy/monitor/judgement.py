@@ -17,9 +17,8 @@ from frictionid.friction.provenance import Segment
 
 from .baseline import Baseline
 from .changes import Changes, in_proportion
-from .effects import FRICTION, MOMENTS, PARTS, PAYLOAD, causes_of, total_weights
+from .effects import FRICTION, MOMENTS, PARTS, PAYLOAD, beyond, causes_of, sentence, total_weights
 from .explanation import CauseTests, Explanation, cause_tests, difference_of, explained
-from .motion import beyond, sentence
 
 Answer = Literal["changed", "unchanged", "other", "cannot_tell"]
 _BLIND = 1.0  # of the usual friction: a change that is not seen below this is not seen at all

@@ -17,8 +17,8 @@ from frictionid.report.numbers import short
 from frictionid.report.tables import Table, line, render_page, table_of, terminal_text, text_columns
 
 from .baseline import Arrival, Baseline
-from .changes import Changes, totals, with_others_held
-from .effects import causes_of
+from .changes import Changes, with_others_held
+from .effects import causes_of, total_weights
 from .judgement import Judgement
 
 PAGE, DOCUMENT, FRAME = "index.html", "monitoring.json", "changes.csv"
@@ -158,6 +158,13 @@ def write_monitoring(folder: Path, monitored: Monitored, *, replace: bool = Fals
     }
     replace_files(folder, contents, replace=replace)
     return folder / PAGE
+
+
+def totals(changes: Changes, speeds: Array) -> Array:
+    """Changes (R, n) of each joint's friction at its usual speed [N m]."""
+    weights = total_weights(speeds)
+    parts = changes.value[:, : weights.size].reshape(-1, *weights.shape)
+    return (parts * weights).sum(axis=-1)
 
 
 def _shares(baseline: Baseline, changes: Changes, changed: Sequence[str]) -> Array:

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.data.readers.column_toml import SPELLINGS, UNITS, unit_named
-from frictionid.deploy.watch.stream import chunks_of
+from frictionid.deploy.watch import chunks_of
 
 TIME = np.arange(12) / 50.0
 ANGLE, CURRENT = 90.0 * np.sin(3.0 * TIME), 2.0 * np.cos(5.0 * TIME)  # [deg], [A]

@@ -18,9 +18,10 @@ from fixtures.seven_joints import MASS, urdf_text
 import frictionid as fid
 from frictionid.data.signals import taken
 from frictionid.deploy.monitor.baseline import load_baseline, machine_of, save_baseline
-from frictionid.deploy.monitor.changes import prepared_data, recording_changes, totals
+from frictionid.deploy.monitor.changes import prepared_data, recording_changes
 from frictionid.deploy.monitor.judgement import judge
 from frictionid.deploy.monitor.monitor import load_state
+from frictionid.deploy.monitor.monitored import totals
 from frictionid.friction.provenance import Segment
 from frictionid.mechanics import urdf
 from frictionid.simulate import (

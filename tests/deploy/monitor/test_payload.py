@@ -10,9 +10,10 @@ from fixtures.changed_data import each
 from fixtures.driven_pendulum import simulated
 
 import frictionid as fid
-from frictionid.deploy.monitor.changes import prepared_data, recording_changes, totals
+from frictionid.deploy.monitor.changes import prepared_data, recording_changes
 from frictionid.deploy.monitor.judgement import judge
 from frictionid.deploy.monitor.monitor import arriving
+from frictionid.deploy.monitor.monitored import totals
 from frictionid.simulate import Camera, Multisine, Run, Variation
 
 LIGHT, HEAVY = 0.5, 0.7  # kg

@@ -20,7 +20,7 @@ from frictionid.friction.provenance import Provenance
 from frictionid.report.numbers import digits, interval, short
 from frictionid.report.tables import Table, table_of, terminal_text, text_columns
 
-from .models import Key, check_alike, estimates, place_of, pooled, with_parameters
+from .pooled_models import Key, check_alike, estimates, place_of, pooled, with_parameters
 from .random_effects import Regression, meta_regression, pooled_draws
 
 _LEAST = 1e-4  # p-values below it are not told apart

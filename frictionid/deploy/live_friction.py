@@ -17,11 +17,10 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 
-from ..monitor.changes import Changes, Reference, prepared_data, recording_changes
-from ..monitor.effects import PARTS, Effect, total_weights
-from .external import Band, deviation
+from .external_torque import Band, deviation
 from .momentum_observer import Observed
-from .stream import Chunk
+from .monitor.changes import Changes, Reference, prepared_data, recording_changes
+from .monitor.effects import PARTS, Effect, total_weights
 
 # What the model knows of sensors and masses, as a share of the priors of a monitor, which asks for
 # changes of these, too: 1 % of gain, 2 ms, 5 mrad, 3 % of masses.
@@ -53,6 +52,14 @@ def worn(said: Observed, band: Band, before: float, change: Array) -> tuple[Arra
         mean = mean + gain * left
         variance = (1.0 - gain * h) * variance + np.where(explained, _DRIFT, _OPEN) * dt
     return *out, np.stack([mean, np.minimum(variance, 1.0)])
+
+
+class Chunk(NamedTuple):
+    """Samples on one clock: time (K,) [s], angle and torque (K, n)."""
+
+    time: Array
+    angle: Array
+    torque: Array
 
 
 def drawn_by_noise(said: Changes, effects: Sequence[Effect]) -> tuple[Array, Array]:

@@ -28,7 +28,7 @@ from frictionid.friction.provenance import Estimate
 from frictionid.mechanics import Mechanism, Plant
 from frictionid.programs.machine_code import compiled
 
-from ..pooling.models import place_of
+from .pooled_models import place_of
 
 SETTLING = 12.0  # over the rate [s]: what the filters forget of their start by
 _QUICK = 6.0  # times the rate, that of the first filter

@@ -1,8 +1,10 @@
 """Watching a stream: external torque sample by sample, and a live estimate of friction.
 
+A stream is a table that is still being written: a file that grows, or a serial port.
 The observer as C99 stands beside its friction; the controller gives M and dL/dq.
 """
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, joined
+from frictionid.config import read_toml
 from frictionid.data.plants import refuse_torques
+from frictionid.data.readers.dataset_path import dataset_path
+from frictionid.data.readers.dataset_toml import check_dataset_toml
+from frictionid.data.readers.table import rate_of, read_table
+from frictionid.data.readers.table_recording import signals_of
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.export import expressions as ex
 from frictionid.deploy.export.exported import ExportSettings, exported
@@ -21,12 +28,11 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 from frictionid.outputs import check_outputs
 
-from ..monitor.baseline import reference_of
-from ..monitor.changes import prepared_data, recording_changes
-from .external import Band, band_of, interval_torques, momentum_observer_of, with_band
-from .live import Estimate, Live, LiveFriction, drawn_by_noise, worn
+from .external_torque import Band, band_of, interval_torques, momentum_observer_of, with_band
+from .live_friction import Chunk, Estimate, Live, LiveFriction, drawn_by_noise, worn
 from .momentum_observer import MomentumObserver, State
-from .stream import Chunk, chunks_of, lines_of, part, sound_chunk
+from .monitor.baseline import reference_of
+from .monitor.changes import prepared_data, recording_changes
 
 _TURN = 2 * np.pi
 _STRETCH, _LAST = 5.0, 1.0  # [s] that the live estimate takes at a time, and at least at the end
@@ -66,6 +72,10 @@ class Watch(NamedTuple):
     def mechanism(self) -> Mechanism:
         """The machine."""
         return self.friction.dataset.mechanism
+
+
+# where a stream is: the observer, the stretch up to the last sample, and the estimate
+_Stream = tuple[State, Chunk, Live, Array]
 
 
 def watch_of(friction: Friction, dataset: Dataset, response: float, rate: float) -> Watch:
@@ -116,14 +126,15 @@ def watched(
         if stream is None:
             state = watch.momentum_observer.start(float(new.time[0]), new.angle[0], new.torque[0])
             unknown = np.stack([np.zeros_like(new.angle[0]), np.ones_like(new.angle[0])])
-            stream = _Stream(state, part(new, 0, 1), watch.friction.start(), unknown)
+            stream = state, part(new, 0, 1), watch.friction.start(), unknown
             new = part(new, 1)
         if len(new.time):
             stream, seen = _stepped(watch, stream, new)
             yield seen._replace(damaged=damaged)
-    if stream is not None and np.ptp(stream.stretch.time) >= _LAST:
-        live = watch.friction.added(stream.live, stream.stretch)
-        yield Seen(*_nothing(watch), watch.friction.estimate(live))
+    if stream is not None and np.ptp(stream[1].time) >= _LAST:
+        _, stretch, live, _ = stream
+        estimate = watch.friction.estimate(watch.friction.added(live, stretch))
+        yield Seen(*_nothing(watch), estimate)
 
 
 def _nothing(watch: Watch) -> tuple[Array, Array, Array, Array]:
@@ -132,21 +143,9 @@ def _nothing(watch: Watch) -> tuple[Array, Array, Array, Array]:
     return np.empty(0), none, none, np.stack([none, none])
 
 
-class _Stream(NamedTuple):
-    """Where a stream is: the observer, the stretch up to the last sample, and the estimate.
-
-    change : (2, n), of friction over its level, and the variance of that
-    """
-
-    state: State
-    stretch: Chunk
-    live: Live
-    change: Array
-
-
 def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     """The stream after new samples, and what these say."""
-    stretch, live, estimate = stream.stretch, stream.live, None
+    (before, stretch, live, change), estimate = stream, None
     both = joined([stretch, new])
     turns = np.diff(both.angle, axis=0) / _TURN
     turns *= np.array(watch.mechanism.position_units) == "rad"
@@ -154,8 +153,8 @@ def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     both.angle[1:] -= _TURN * np.cumsum(wraps, axis=0)
     new = part(both, len(stretch.time))
     torque = interval_torques(watch.friction.torque_of(both), both.time)[-len(new.time) :]
-    state, said = watch.momentum_observer.advance(stream.state, new.time, new.angle, torque)
-    anew = np.flatnonzero(np.diff(said.begin, prepend=stream.state.begin))
+    state, said = watch.momentum_observer.advance(before, new.time, new.angle, torque)
+    anew = np.flatnonzero(np.diff(said.begin, prepend=before.begin))
     for k, rows in enumerate(np.split(np.arange(len(new.time)), anew)):
         after = Chunk(*(values[rows] for values in new))
         if k and np.ptp(stretch.time) >= _LAST:
@@ -165,9 +164,9 @@ def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
             end = int(np.argmax(stretch.time - stretch.time[0] >= _STRETCH))
             live = watch.friction.added(live, part(stretch, 0, end + 1))
             estimate, stretch = watch.friction.estimate(live), part(stretch, end)
-    *wear, change = worn(said, watch.band, stream.state.time, stream.change)
+    *wear, change = worn(said, watch.band, before.time, change)
     seen = Seen(said.time, *with_band(said, watch.band), np.stack(wear), estimate)
-    return _Stream(state, stretch, live, change), seen
+    return (state, stretch, live, change), seen
 
 
 # --- As C -----------------------------------------------------------------------------------------
@@ -209,3 +208,94 @@ def write_code(watch: Watch, out: Path, read: Sequence[Path], *, replace: bool) 
 
 def _array(values: Array) -> str:
     return "{" + ", ".join(repr(float(v)) for v in np.ravel(values)) + "}"
+
+
+# --- Rows of a table that is still being written --------------------------------------------------
+
+_PAUSE = 0.02  # [s] between two looks
+_MOST = 1 << 20  # bytes at a time
+_NAME = "stream.csv"
+
+
+def chunks_of(dataset: str | Path, header: str) -> Callable[[list[str]], Chunk]:
+    """A function that reads complete lines below a header, as a folder's dataset.toml has columns.
+
+    It refuses a damaged line, and torques on a clock of their own.
+    """
+    file = dataset_path(Path(dataset))
+    toml = check_dataset_toml(read_toml(file), str(file))
+    if toml.columns is None:
+        raise InputError(f"{file}: a stream needs [columns]; this data set has a reader of its own")
+    if rate_of(toml.columns.time.angle):
+        raise InputError(f"{file}: a stream needs a column of times: lines may be lost")
+
+    def chunk(lines: list[str]) -> Chunk:
+        table = read_table("\n".join([header, *lines]).encode(), _NAME, toml.asked.names())
+        signals = signals_of(table, toml)
+        angle, torque = signals["angle"], signals["torque"]
+        if not np.array_equal(angle.time, torque.time):
+            raise InputError("a stream needs angles and torques on one clock: log them together")
+        return Chunk(angle.time, *(np.asarray(s.value, dtype=float) for s in (angle, torque)))
+
+    return chunk
+
+
+def sound_chunk(
+    chunk: Callable[[list[str]], Chunk], lines: list[str], row: int
+) -> tuple[Chunk | None, tuple[str, ...]]:
+    """Samples of the lines that are not damaged, and sentences on the others.
+
+    row : of the first line in the stream
+    """
+    try:
+        return chunk(lines), ()
+    except InputError:
+        sound, damaged = list[str](), list[str]()
+    for k, line in enumerate(lines):
+        try:
+            chunk([line])
+            sound.append(line)
+        except InputError as error:
+            damaged.append(f"row {row + k}, {line!r}, is left out: {error}")
+    return (chunk(sound) if sound else None), tuple(damaged)
+
+
+def part(chunk: Chunk, first: int, end: int | None = None) -> Chunk:
+    """Some of its samples."""
+    return Chunk(*(values[first:end] for values in chunk))
+
+
+def bytes_of_file(path: Path) -> Callable[[], bytes]:
+    """A function that gives what was written to a file since it was asked last."""
+    place = 0
+
+    def read() -> bytes:
+        nonlocal place
+        with path.open("rb") as handle:
+            handle.seek(place)
+            new = handle.read(_MOST)
+        place += len(new)
+        return new
+
+    return read
+
+
+def lines_of(read: Callable[[], bytes], idle: float) -> Iterator[list[str]]:
+    r"""Complete lines that came, until nothing has come for `idle` seconds; [] while none comes.
+
+    >>> parts = iter([b"a,b\n1,", b"2\n3,4", b"\n"])
+    >>> list(filter(None, lines_of(lambda: next(parts, b""), 0.0)))
+    [['a,b'], ['1,2'], ['3,4']]
+    """
+    rest, last = b"", time.monotonic()
+    while True:
+        new = read()
+        if new:
+            *whole, rest = (rest + new).split(b"\n")
+            last = time.monotonic()
+            yield [line.decode("utf-8", "replace").strip() for line in whole if line.strip()]
+        elif time.monotonic() - last >= idle:
+            return
+        else:
+            yield []
+            time.sleep(_PAUSE)

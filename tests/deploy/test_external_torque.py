@@ -16,11 +16,10 @@ from fixtures.refusals import assert_one_line, assert_refused
 
 import frictionid as fid
 from frictionid.data.signals import taken
-from frictionid.deploy.watch.cli import _Shown
-from frictionid.deploy.watch.external import interval_torques, noises
-from frictionid.deploy.watch.momentum_observer import Observed
-from frictionid.deploy.watch.stream import Chunk, part
-from frictionid.deploy.watch.watch import watch_of, watched, write_code
+from frictionid.deploy.cli import _show_stream
+from frictionid.deploy.external_torque import interval_torques, noises
+from frictionid.deploy.momentum_observer import Observed
+from frictionid.deploy.watch import Chunk, part, watch_of, watched, write_code
 from frictionid.friction.laws import Dahl
 from frictionid.simulate import Camera, Drive, Multisine, Run, Variation, write_dataset
 
@@ -226,13 +225,12 @@ def test_worn_friction_is_named_friction_and_a_push_a_contact(
     watch, tmp_path, capsys, coulomb, change, said
 ):
     write_dataset(each(recorded(1, seed=9, coulomb=coulomb), change), tmp_path)
-    show = _Shown(watch.mechanism.joints, True)
-    for seen in watched(watch, tmp_path, in_pieces((tmp_path / "r0.csv").read_bytes(), 9999), 0.0):
-        show(seen)
-    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    told = [(k, each["time"]) for each in told for k in ("contact", "friction") if k in each]
-    assert [kind for kind, _ in told] == said
-    assert all(BEGIN < time < BEGIN + 0.15 for kind, time in told if kind == "contact")
+    source = in_pieces((tmp_path / "r0.csv").read_bytes(), 9999)
+    _show_stream(watched(watch, tmp_path, source, 0.0), watch.mechanism.joints, json=True)
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    events = [(k, line["time"]) for line in lines for k in ("contact", "friction") if k in line]
+    assert [kind for kind, _ in events] == said
+    assert all(BEGIN < time < BEGIN + 0.15 for kind, time in events if kind == "contact")
 
 
 def test_memory_is_that_of_a_stretch(watch, quiet):
@@ -366,7 +364,7 @@ def test_a_file_that_is_not_there_yet_is_waited_for(fit, folder, tmp_path, run, 
     fit.save(tmp_path / "model.json")
     (table,) = (folder / "contact").glob("*.csv")
     looks = iter([lambda: None, lambda: shutil.copy(table, tmp_path / "log.csv")])
-    monkeypatch.setattr("frictionid.deploy.watch.cli.sleep", lambda _: next(looks)())
+    monkeypatch.setattr("frictionid.deploy.cli.sleep", lambda _: next(looks)())
     words = (tmp_path, "watch model.json", folder / "quiet", "--follow", "log.csv", "--idle", 0.0)
     code, out, said = run(*words)
     assert code == 0 and "s: contact at joint 1, +0." in out

@@ -7,7 +7,7 @@ import pytest
 from fixtures.paths import ROOT
 from scipy.special import stdtrit
 
-from frictionid.deploy.pooling.random_effects import between, random_effects
+from frictionid.deploy.random_effects import between, random_effects
 
 RNG = np.random.default_rng(4)
 Y, S = RNG.normal(1.0, 0.2, 6), RNG.uniform(0.02, 0.1, 6)

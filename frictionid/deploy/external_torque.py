@@ -24,7 +24,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation.predicted_motion import check_joints
 from frictionid.friction import Friction
 
-from ..compensation import friction_in
+from .compensation import friction_in
 from .momentum_observer import SETTLING, MomentumObserver, Observed, members_of
 
 _DELAYS = 2.33  # of the observer's rate, which those of both filters add up to

@@ -7,7 +7,7 @@ from drive_logs import ServoPendulum
 from fixtures.refusals import assert_one_line, assert_refused
 
 import frictionid as fid
-from frictionid.deploy.pooling.random_effects import meta_regression
+from frictionid.deploy.random_effects import meta_regression
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model

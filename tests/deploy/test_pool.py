@@ -8,7 +8,7 @@ from fixtures.one_joint_sets import Setup, sets
 from fixtures.refusals import assert_refused
 
 import frictionid as fid
-from frictionid.deploy.pooling.models import pooled
+from frictionid.deploy.pooled_models import pooled
 from frictionid.files import plain
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, NoFriction, Stribeck
