@@ -14,8 +14,8 @@ from frictionid.progress import Done, say_nothing
 from frictionid.quickstart import quick as first
 from frictionid.quickstart.quick import plan_for
 from frictionid.quickstart.quick_report import Quick
-from frictionid.report.console import Shown
 from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
+from frictionid.report.terminal import Shown
 
 from .models import DatasetLike, dataset_of
 from .notebook import counted

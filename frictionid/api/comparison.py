@@ -21,7 +21,6 @@ from frictionid.friction.model_files import read_model
 from frictionid.friction.provenance import Provenance
 from frictionid.pictures import as_html, drawn
 from frictionid.report import show_summary
-from frictionid.report.console import Shown
 from frictionid.report.exhibits import (
     FITTED,
     Picture,
@@ -33,6 +32,7 @@ from frictionid.report.exhibits import (
 from frictionid.report.sections import Section, sections_of
 from frictionid.report.side_by_side import SideBySide, side_by_side
 from frictionid.report.summary_table import summary_of
+from frictionid.report.terminal import Shown
 from frictionid.report.verdict import Verdict, verdict_of
 
 from .fitted import Fit

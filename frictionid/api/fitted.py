@@ -22,10 +22,10 @@ from frictionid.friction.model_files import LAWS, save_model
 from frictionid.friction.provenance import Estimates
 from frictionid.pictures import drawn
 from frictionid.report import show_fit
-from frictionid.report.console import Shown, say
 from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.numbers import estimate_frame
+from frictionid.report.terminal import Shown, say
 
 from .evaluate import HORIZONS, evaluate, predict
 from .models import dataset_of, numbers

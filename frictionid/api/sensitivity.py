@@ -21,10 +21,9 @@ from frictionid.fitting.method import Method, check_method
 from frictionid.outputs import check_unchanged
 from frictionid.pictures import drawn
 from frictionid.progress import Done, say_nothing
-from frictionid.report.console import Shown
 from frictionid.report.figures.studies import over_amounts, summarised, tornado
 from frictionid.report.sensitivity import sensitivity_table, write_sensitivity
-from frictionid.report.terminal import show_table
+from frictionid.report.terminal import Shown, show_table
 
 from .fit import method_of
 from .models import DatasetLike, LawLike, dataset_of, identifier_of

@@ -26,10 +26,9 @@ from frictionid.outputs import check_unchanged, check_writable
 from frictionid.pictures import drawn
 from frictionid.progress import Done, say_nothing
 from frictionid.report import build
-from frictionid.report.console import Shown
 from frictionid.report.figures.studies import progress as progress_picture
 from frictionid.report.sensitivity import score_table, settings_tables, trials_of, write_outcome
-from frictionid.report.terminal import show_table
+from frictionid.report.terminal import Shown, show_table
 
 from .comparison import Comparison
 

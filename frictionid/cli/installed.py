@@ -13,7 +13,7 @@ def list_kinds(command: str, name: str, json: bool) -> None:
     """Print all kinds that a command lists in short, or all of one, or either as JSON."""
     from frictionid.comparison import kind_descriptions
     from frictionid.files import json_text
-    from frictionid.report.console import show_kind, show_kinds
+    from frictionid.report.terminal import show_kind, show_kinds
 
     kinds = getattr(kind_descriptions, command)()
     chosen = [kind_descriptions.described(kinds, name)] if name else kinds

@@ -208,7 +208,7 @@ def report(
 
 def check_requirements(requirements: Sequence[str] | None) -> None:
     """Refuse requirements that no verdict could meet, before anything is computed."""
-    from frictionid.report.verdict_table import check_requirement
+    from frictionid.report.verdict import check_requirement
 
     for requirement in requirements or ():
         check_requirement(requirement)
@@ -217,8 +217,7 @@ def check_requirements(requirements: Sequence[str] | None) -> None:
 def exit_unless_met(results: "Results", requirements: Sequence[str] | None) -> None:
     """Say on standard error which requirements the verdicts do not meet, and exit with 1."""
     from frictionid.report.sections import sections_of
-    from frictionid.report.verdict import verdict_of
-    from frictionid.report.verdict_table import unmet
+    from frictionid.report.verdict import unmet, verdict_of
 
     if not requirements:
         return

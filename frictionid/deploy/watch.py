@@ -74,7 +74,8 @@ class Watch(NamedTuple):
         return self.friction.dataset.mechanism
 
 
-# where a stream is: the observer, the stretch up to the last sample, and the estimate
+# where a stream is: the observer, the stretch up to the last sample, the estimate, and the change
+# (2, n) of friction over its level with its variance
 _Stream = tuple[State, Chunk, Live, Array]
 
 

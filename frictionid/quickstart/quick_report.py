@@ -22,7 +22,6 @@ from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.mechanics import Mechanism
 from frictionid.pictures import as_html, drawn
 from frictionid.report.candidates import Measure
-from frictionid.report.console import Shown, console, say
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
 from frictionid.report.figures.style import (
     COLOURS,
@@ -37,7 +36,7 @@ from frictionid.report.figures.style import line as key_line
 from frictionid.report.numbers import NOTHING, added, factor, norm_unit, short, with_levels
 from frictionid.report.shooting_results import MANY
 from frictionid.report.tables import Table, table_of, text_columns
-from frictionid.report.terminal import parameter_table, show_torque_left
+from frictionid.report.terminal import Shown, console, parameter_table, say, show_torque_left
 from frictionid.report.verdict import times
 
 

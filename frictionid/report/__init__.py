@@ -2,14 +2,14 @@
 
 sections       models, data sets and scores, sorted by what was fitted
 candidates, plausibility, questions, memory, shooting_results    facts and decisions
-verdict        which model the evidence supports; verdict_table: its table and its document
+verdict        which model the evidence supports; its document
 templates      their words; tables: fills them, and one table as Markdown, LaTeX, for the terminal
 numbers        numbers as text, and those of shooting
-*_table        the tables of a report
+*_table(s)     the tables of a report
 figures        the pictures by theme: scores, curves, motion, fits, studies; style: what they share
 exhibits       which tables and figures there are
 write          all files: index.html with its charts, summary.md with warnings, tables, figures
-console        where results are printed, and the same as text; terminal: what is printed
+terminal       where results are printed, the same as text, and what is printed
 diagnostics    a verdict of `check`; experiment_design: a designed motion, both with pictures
 sensitivity    outcomes of `sensitivity` and of `tune`
 """

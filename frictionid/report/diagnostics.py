@@ -13,10 +13,10 @@ from frictionid.check.regression import one_way
 from frictionid.files import finite_json, plain, write_bytes
 from frictionid.mechanics import Mechanism
 
-from .console import console, say
 from .figures import style
 from .numbers import NOTHING, either
 from .tables import Column, Table, table_of, text_columns
+from .terminal import console, say
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 ANSWERS = {True: "green", False: "red", None: "yellow"}

@@ -20,8 +20,8 @@ from .figures.motion import (
 from .figures.scores import errors_of_models, loss_against, one_step_boxes, rollout_errors
 from .figures.studies import learning_curves
 from .figures.style import Styles, styles
-from .fit_table import parameter_numbers, parameter_table
 from .memory import loop_pictures, loop_table
+from .model_tables import marked, parameter_numbers, parameter_table, verdict_numbers, verdict_table
 from .sections import Model, Section, SummaryData
 from .shooting_results import interval_numbers, interval_table, window_numbers, window_table
 from .summary_table import (
@@ -34,7 +34,6 @@ from .summary_table import (
 )
 from .tables import Table, latex, markdown
 from .verdict import chosen_of, verdict_of
-from .verdict_table import marked, verdict_numbers, verdict_table
 
 
 class Picture(NamedTuple):

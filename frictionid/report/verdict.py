@@ -6,19 +6,23 @@ their torques by the torque that they leave. The simplest that is not practicall
 recommended, refined by shooting where it was (`frictionid.evaluation.reference_model`).
 """
 
+import json
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
+from frictionid.config import nearest
+from frictionid.errors import InputError
+from frictionid.evaluation.reference_model import CERTAIN, WITHIN, Choice, Factor
 from frictionid.evaluation.statistics import FEWEST, REGION
+from frictionid.files import plain
 
 from .candidates import Candidate, Measure, candidates_of, contrast, judged, recipe_to_judge, under
 from .numbers import added, factor
 from .plausibility import FAILED, NOT_EVALUATED
-from .questions import Asked, Question, questions_to, unanswered
+from .questions import QUESTIONS, Asked, Question, questions_to, unanswered
 from .sections import ANY, Model, Section, SummaryData, rollout
 from .tables import lines_of, render
 
@@ -279,3 +283,71 @@ def chosen_of(section: Section) -> Model | None:
         return candidate.model
     data = section.fitted
     return data.best(data.of_role("fitted"), data.last_rollout)
+
+
+# --- As a document --------------------------------------------------------------------------------
+
+FORMAT = "frictionid verdict 1"
+
+
+def verdict_json(verdicts: Sequence[Verdict]) -> str:
+    """Text of verdict.json: all data sets that were fitted; null for what is not finite."""
+    document = {
+        "format": FORMAT,
+        "rule": {"region": REGION, "probability": CERTAIN},
+        "datasets": [
+            {
+                **verdict._asdict(),
+                "candidates": list(map(_candidate, verdict.candidates)),
+            }
+            for verdict in verdicts
+        ],
+    }
+    document = plain(document, infinity=None)
+    return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
+
+
+def _candidate(candidate: Candidate) -> dict[str, Any]:
+    model, fields = candidate.model, dict(vars(candidate))
+    del fields["model"], fields["errors"]
+    names = {key: getattr(model, key) for key in ("name", "identifier", "recipe", "role")}
+    return {**names, "implausible": candidate.implausible, **fields}
+
+
+# --- What scripts may require ---------------------------------------------------------------------
+
+
+def check_requirement(requirement: str) -> None:
+    """Check a requirement before anything is computed: a kind of verdict, or QUESTION=ANSWER.
+
+    Raises
+    ------
+    InputError
+        Where it is neither.
+    """
+    question, equals, _ = requirement.partition("=")
+    allowed = QUESTIONS if equals else KINDS
+    if question not in allowed:
+        rule = "no question" if equals else "no kind of verdict, nor QUESTION=ANSWER"
+        raise InputError(f"--require {requirement}: is {rule}; {nearest(question, allowed)}")
+
+
+def unmet(verdicts: Sequence[Verdict], requirement: str) -> list[str]:
+    """What the verdicts say instead of a requirement, a line for each data set that does not meet.
+
+    Every data set that was fitted has to meet it. A recommended model meets "recommended" even
+    where it is the simplest one.
+    """
+    check_requirement(requirement)
+    name, equals, wanted = requirement.partition("=")
+    out = []
+    for verdict in verdicts:
+        if equals:
+            answer = next(q.answer for q in verdict.questions if q.name == name)
+            met = answer == wanted
+        else:
+            answer = verdict.kind
+            met = answer == name or (name == RECOMMENDED and verdict.recommended is not None)
+        if not met:
+            out.append(f"{verdict.dataset}: {name if equals else 'verdict'} is {answer}")
+    return out

@@ -26,14 +26,13 @@ from .charts import Chart, animation, friction_charts, motion_chart, plotly_scri
 from .exhibits import Exhibits, NamedTable, Names, Picture, exhibits_of, names_of, shooting_fits
 from .figures.motion import examples_of
 from .figures.style import Style, drawing, rendered
-from .fit_table import equation_of, horizons_of, parameter_rows
 from .memory import memory_analysis
+from .model_tables import equation_of, horizons_of, marked, parameter_rows
 from .sections import Model, Section, SummaryData, rollout, sections_of
 from .shooting_results import shooting_words
 from .summary_table import MEDIANS, caption_of, summary_of, summary_table
 from .tables import Cell, Column, Table, lines_of, render, render_page
-from .verdict import Verdict, chosen_of, verdict_of
-from .verdict_table import marked, verdict_json
+from .verdict import Verdict, chosen_of, verdict_json, verdict_of
 
 ROOM = 3_200_000  # bytes of figures inside the page
 FEW = 10  # figures, which take as long as a process takes to begin drawing

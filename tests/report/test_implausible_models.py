@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from fixtures import result_folders as made
 
-from frictionid.report.fit_table import parameter_numbers, parameter_table
+from frictionid.report.model_tables import (
+    marked,
+    parameter_numbers,
+    parameter_table,
+    verdict_numbers,
+    verdict_table,
+)
 from frictionid.report.summary_table import summary_of, summary_table
 from frictionid.report.tables import latex
-from frictionid.report.verdict import verdict_of
-from frictionid.report.verdict_table import marked, verdict_json, verdict_numbers, verdict_table
+from frictionid.report.verdict import verdict_json, verdict_of
 
 GRID = made.about()["velocity"]
 

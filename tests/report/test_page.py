@@ -12,7 +12,7 @@ from fixtures import result_folders as made
 from frictionid.comparison.results import load_results
 from frictionid.report.charts import motion_chart, side_view
 from frictionid.report.figures.style import Style
-from frictionid.report.fit_table import parameter_rows
+from frictionid.report.model_tables import parameter_rows
 from frictionid.report.sections import sections_of
 from frictionid.report.verdict import verdict_of
 

@@ -11,12 +11,12 @@ from fixtures import result_folders as made
 from frictionid.comparison.results import load_results, model_scores
 from frictionid.evaluation import score_frame
 from frictionid.report import show, show_scores
-from frictionid.report.console import say
 from frictionid.report.figures.style import styles
-from frictionid.report.fit_table import equation_of
+from frictionid.report.model_tables import equation_of
 from frictionid.report.sections import rollout
 from frictionid.report.summary_table import summary_of, summary_table
 from frictionid.report.tables import escape_latex, latex, markdown, table_of, text_columns
+from frictionid.report.terminal import say
 from frictionid.report.verdict import verdict_of
 from frictionid.report.write import astray, loose
 
