@@ -14,7 +14,8 @@ from .options import DatasetPath, ModelPaths, PresentOrNone, numbers, setting
 from .progress import is_quiet, running
 
 if TYPE_CHECKING:
-    from frictionid.quickstart.describe_tables import Described, Known, Tables
+    from frictionid.quickstart.describe_tables import Described, Known
+    from frictionid.quickstart.tables import Tables
 
 
 def init(
@@ -48,7 +49,8 @@ def init(
         given.
     """
     from frictionid.outputs import check_outputs
-    from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
+    from frictionid.quickstart.describe_tables import Known, describe_tables
+    from frictionid.quickstart.tables import tables_at
 
     source = tables_at(tables, time)
     dataset_file, suite_file = (source.folder / f"{name}.toml" for name in ("dataset", "suite"))

@@ -15,7 +15,7 @@ from frictionid.data.readers.table import Table
 from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
 
-from .column_names import (
+from .tables import (
     RUNS,
     by_trust,
     is_measured,

@@ -18,18 +18,18 @@ from frictionid.mechanics.mechanism_table import FORMATS, mechanism_options
 from frictionid.mechanics.rigid_body.robot import Joint
 
 from .column_guesses import LEFT_OVER, ColumnGuesses, guess_columns
-from .column_names import names_of, quantity_of, words
 from .describe_tables import (
     GAINS,
     OUTPUT,
     Described,
+    Draft,
     Known,
     actuator_of,
     described_draft,
     loaded,
 )
-from .draft_text import Draft, Tables
-from .robot_columns import RobotColumns, RobotFile, robot_columns
+from .robot_columns import RobotColumns, RobotFile, names_of, robot_columns
+from .tables import Tables, quantity_of, words
 
 _NOTHING = 1e-9  # of the usual inertia of a joint
 _HARDLY = 0.05  # of the widest motion of a joint

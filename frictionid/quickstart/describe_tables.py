@@ -3,7 +3,9 @@
 Columns are guessed by names and numbers, signs by the physics.
 """
 
+import json
 import tempfile
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,18 +15,19 @@ import numpy as np
 from frictionid.check import Verdict, check
 from frictionid.check.hypotheses import ABSOLUTE, SHIFTED, TORQUE_UNITS, Convention
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.formats import ros
-from frictionid.data.readers.table import Table, numeric_table, with_times
+from frictionid.data.readers.table import Table
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
-from frictionid.files import BAGS, TABLES, is_table, read_bytes
-from frictionid.mechanics import mechanism_of
+from frictionid.evaluation.folds import usual_kind
+from frictionid.files import BAGS
+from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.mechanics.mechanism_table import mechanism_kinds, mechanism_options
+from frictionid.report.tables import render
 
 from .column_guesses import ColumnGuesses, guess_columns
-from .column_names import is_target, quantity_of
-from .draft_text import Draft, Tables, dataset_text, suite_text
+from .quick import plan_for
+from .tables import Tables, is_target, quantity_of
 
 Constants = float | Sequence[float]  # one, or one per joint
 GAINS = "gains of the controller (--gains P,D [N m/rad], [N m s/rad]): without them nothing holds"
@@ -54,6 +57,30 @@ class Known(NamedTuple):
         return any(np.ndim(c) for c in (self.kt, self.gear, *(self.gains or ())) if c is not None)
 
 
+class Draft(NamedTuple):
+    """All that a first dataset.toml says.
+
+    tables : of the recordings; mechanism : the [mechanism] table
+    motor : [motor], where columns are of motors, or hold currents; actuator : [actuator]
+    machine : the mechanism; comments : comments of keys of [mechanism], and below it as ""
+    velocity : columns of velocities; base : [base], where an IMU says how it moves
+    missing : what was not given and no guess replaces, and what happens without it
+    evidence : what speaks for signs and units, from the physics
+    """
+
+    tables: Tables
+    mechanism: Mapping[str, Any]
+    guesses: ColumnGuesses
+    machine: Mechanism
+    motor: Mapping[str, Any]
+    comments: Mapping[str, str]
+    actuator: Mapping[str, Any]
+    velocity: tuple[str, ...] = ()
+    base: Mapping[str, Any] = {}
+    missing: tuple[str, ...] = ()
+    evidence: tuple[str, ...] = ()
+
+
 class Described(NamedTuple):
     """Texts of dataset.toml and suite.toml, the data set that they describe, and the guesses.
 
@@ -65,60 +92,6 @@ class Described(NamedTuple):
     dataset: Dataset
     draft: Draft
     verdict: Verdict
-
-
-def tables_at(paths: Sequence[Path], time: str = "") -> Tables:
-    """The tables at some paths: files of one folder, or a folder.
-
-    time : column of the time, or the rate of the rows, "100 Hz"
-
-    Raises
-    ------
-    InputError
-        Where there are none, they lie in several folders, or have other columns than the first.
-    """
-    each = [f for path in paths for f in (_tables_in(path) if path.is_dir() else [path])]
-    files = list(dict.fromkeys(each))
-    for file in files:
-        if not is_table(file):
-            end = ", ".join(TABLES + BAGS)
-            raise InputError(
-                f"{file}: no table that ends with {end}; name one, or its folder; save others so"
-            )
-    folders = {file.parent for file in files}
-    if len(folders) > 1:
-        raise InputError(
-            f"the tables lie in {len(folders)} folders; a data set is one folder: move them there"
-        )
-    first, *others = map(_table, files)
-    for other in others:
-        for name in first.columns:
-            if name not in other.columns:
-                raise InputError(
-                    f"{other.file} has no column of numbers {name!r}, which {first.file} has; "
-                    "name the tables that belong together, or paste columns of the same rows into "
-                    "one table"
-                )
-    names = tuple(sorted(file.name for file in files))
-    return Tables(files[0].parent, names, with_times(first, [time]))
-
-
-def _table(file: Path) -> Table:
-    if file.suffix in BAGS:
-        return ros.numeric_table(file)
-    return numeric_table(read_bytes(file), str(file))
-
-
-def _tables_in(folder: Path) -> list[Path]:
-    files = sorted(file for file in folder.iterdir() if is_table(file))
-    if not files and (folder / "meta" / "info.json").is_file():
-        raise InputError(
-            f"{folder} is a LeRobot data set: name its data/*/*.parquet, or write a dataset.toml "
-            'with [reader] kind = "lerobot", as in data/README.md of frictionid'
-        )
-    if not files:
-        raise InputError(f"{folder} has no table that ends with {', '.join(TABLES + BAGS)}")
-    return files
 
 
 def guess_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> ColumnGuesses:
@@ -318,3 +291,68 @@ def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses 
     turned = {key: np.diag(d) * before[key] for key, d in diagonals.items()}
     signs = {key: tuple(int(s) for s in each) for key, each in turned.items()}
     return guesses._replace(signs=signs)
+
+
+# --- Texts ----------------------------------------------------------------------------------------
+
+_COMMENT = 40  # column of the comments
+_LONG, _WIDE = 96, 130  # of a line, and of one with its comment
+
+
+def dataset_text(draft: Draft) -> str:
+    """Text of the dataset.toml of a draft."""
+    g = draft.guesses
+    units = [g.angle.unit] if isinstance(g.angle.unit, str) else g.angle.unit
+    context = {
+        "g": g,
+        "values": draft.mechanism.get("parameters", {}),
+        "driven": any(g.torque.columns),
+        "bags": draft.tables.files[0].endswith(BAGS),
+        "rates": [f"{unit}/s" for unit in units],
+        "turned": {key: signs for key, signs in g.signs.items() if set(signs) != {1}},
+    }
+    return _rendered("dataset.toml.j2", draft, context)
+
+
+def suite_text(draft: Draft, dataset: Dataset) -> str:
+    """Text of a first suite: the laws and the method of `frictionid quick`."""
+    plan, folds = plan_for(dataset), usual_kind(dataset.recordings)
+    laws = [law.model_dump(exclude_none=True) for law in plan.laws]
+    context = {"folds": folds, "by_torque": plan.by_torque, "laws": laws}
+    return _rendered("suite.toml.j2", draft, context)
+
+
+def _rendered(template: str, draft: Draft, context: Mapping[str, Any]) -> str:
+    filters = {"alone": _one_or_all, "comment": _comment}
+    names = {"draft": draft, "line": _line, "name": draft.tables.folder.resolve().name}
+    return render(template, {**names, **context}, filters=filters)
+
+
+def _one_or_all(values: Sequence[Any]) -> Any:
+    return values[0] if len(values) == 1 else list(values)
+
+
+def _comment(text: str) -> str:
+    return textwrap.fill(text, _LONG, initial_indent="# ", subsequent_indent="# ")
+
+
+def _line(key: str, value: Any, comment: str = "") -> str:
+    """A key with its value, and a comment: behind it, or above where the line would be long.
+
+    >>> print(_line("locked", {"arm_5": 0.1}, "no motor"))
+    locked = { arm_5 = 0.1 }                # no motor
+    """
+    text = json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Mapping):
+        pairs = ((json.dumps(k) if "." in k else k, json.dumps(v)) for k, v in value.items())
+        text = ", ".join(f"{key} = {entry}" for key, entry in pairs)
+        text = f"{{ {text} }}"
+    line = f"{key} = {text}"
+    if len(line) > _LONG and isinstance(value, list | tuple):
+        entries = textwrap.wrap(text[1:-1], _LONG, initial_indent="    ", subsequent_indent="    ")
+        line = "\n".join([f"{key} = [", *entries, "]"])
+    if not comment:
+        return line
+    if len(max(line.splitlines(), key=len)) + len(comment) > _WIDE or "\n" in line:
+        return f"{_comment(comment)}\n{line}"
+    return f"{line:<{_COMMENT - 1}} # {comment}"

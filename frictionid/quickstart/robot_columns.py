@@ -4,7 +4,7 @@ Columns are assigned by what their names share with the joints' names, or by the
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,18 +17,16 @@ from frictionid.mechanics.rigid_body.robot import MOVING, Joint, Robot
 from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, robot_format
 
 from .column_guesses import check_named
-from .column_names import (
+from .tables import (
     FILTERED,
     OTHERS,
     SENSED,
     UNMEASURED,
     WORDS,
     by_trust,
-    imu_columns,
     is_measured,
     is_target,
     nameless,
-    names_of,
     quantity_of,
     unit_of,
     words,
@@ -287,3 +285,64 @@ def _side(
     if (np.radians(travel) <= _BEYOND * room).all():
         return "joint", "deg", f"{span} rad: degrees"
     return "motor", "rad", f"{span} rad: angles of the motors, before a gear"
+
+
+# --- Columns of an IMU ----------------------------------------------------------------------------
+
+
+_CALLED = {
+    "angular_velocity": (
+        frozenset("gyro gyroscope gyr gx gy gz wx wy wz".split()),
+        (frozenset({"angular", "velocity"}), frozenset({"angular", "vel"})),
+    ),
+    "specific_force": (
+        frozenset("acc accel accelerometer ax ay az".split()),
+        (frozenset({"linear", "acceleration"}), frozenset({"specific", "force"})),
+    ),
+}
+_IN_G = (0.5, 2.0)  # median size of a specific force in units of g
+_FAST = 35.0  # [rad/s]: gyroscopes show less, unless it is deg/s
+
+
+def imu_columns(table: Table) -> dict[str, Any]:
+    """The [base] table of an IMU whose columns have usual names, or nothing.
+
+    >>> names = [f"imu_{kind}_{axis}" for kind in ("gyro", "acc") for axis in "xyz"]
+    >>> base = imu_columns(Table("a.csv", np.arange(2), {name: np.ones(2) for name in names}))
+    >>> base["angular_velocity"], base["units"]
+    (['imu_gyro_x', 'imu_gyro_y', 'imu_gyro_z'], {'specific_force': 'g'})
+    >>> sorted(names_of(base)) == sorted(names)
+    True
+    """
+    out: dict[str, Any] = {}
+    for quantity in _CALLED:
+        names = list(_columns(table, quantity))
+        if len(names) != 3:
+            return {}
+        out[quantity] = names
+    units = {}
+    if _size(table, out["angular_velocity"]).max() > _FAST:
+        units["angular_velocity"] = "deg/s"
+    if _IN_G[0] < np.median(_size(table, out["specific_force"])) < _IN_G[1]:
+        units["specific_force"] = "g"
+    at_origin = {key: [0.0, 0.0, 0.0] for key in ("sensor_position", "sensor_rotation")}
+    return {**out, **({"units": units} if units else {}), **at_origin}
+
+
+def names_of(base: Mapping[str, Any]) -> list[str]:
+    """Columns of an IMU."""
+    return [name for quantity in _CALLED for name in base.get(quantity, ())]
+
+
+def _columns(table: Table, quantity: str) -> Iterator[str]:
+    single, several = _CALLED[quantity]
+    for name in table.columns:
+        said = set(words(name))
+        if is_measured(name) and (said & single or any(each <= said for each in several)):
+            yield name
+
+
+def _size(table: Table, names: list[str]) -> Array:
+    """Length (T,) of vectors where all their columns have numbers."""
+    vectors = np.stack([table.columns[name] for name in names])
+    return np.linalg.norm(vectors[:, np.isfinite(vectors).all(axis=0)], axis=0)

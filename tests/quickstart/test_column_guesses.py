@@ -9,7 +9,8 @@ from fixtures.refusals import assert_refused
 
 from frictionid.data.readers.table import Table
 from frictionid.quickstart.column_guesses import guess_columns
-from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
+from frictionid.quickstart.describe_tables import Known, describe_tables
+from frictionid.quickstart.tables import tables_at
 from frictionid.simulate import Camera, Drive, Run, Sine
 
 TIME = np.arange(200) / 100.0

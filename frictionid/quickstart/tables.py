@@ -1,14 +1,80 @@
-"""What the name of a column says: its quantity, its unit, and whether it was measured."""
+"""Tables of one's own: their files, and what the names of their columns say."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
-import numpy as np
-
-from frictionid.arrays import Array
 from frictionid.data.readers.column_toml import SPELLINGS, UNITS
-from frictionid.data.readers.table import Table
+from frictionid.data.readers.formats import ros
+from frictionid.data.readers.table import Table, numeric_table, with_times
+from frictionid.errors import InputError
+from frictionid.files import BAGS, TABLES, is_table, read_bytes
+
+
+class Tables(NamedTuple):
+    """Tables of recordings with the same columns, in one folder; the first one is read."""
+
+    folder: Path
+    files: tuple[str, ...]
+    first: Table
+
+
+def tables_at(paths: Sequence[Path], time: str = "") -> Tables:
+    """The tables at some paths: files of one folder, or a folder.
+
+    time : column of the time, or the rate of the rows, "100 Hz"
+
+    Raises
+    ------
+    InputError
+        Where there are none, they lie in several folders, or have other columns than the first.
+    """
+    each = [f for path in paths for f in (_tables_in(path) if path.is_dir() else [path])]
+    files = list(dict.fromkeys(each))
+    for file in files:
+        if not is_table(file):
+            end = ", ".join(TABLES + BAGS)
+            raise InputError(
+                f"{file}: no table that ends with {end}; name one, or its folder; save others so"
+            )
+    folders = {file.parent for file in files}
+    if len(folders) > 1:
+        raise InputError(
+            f"the tables lie in {len(folders)} folders; a data set is one folder: move them there"
+        )
+    first, *others = map(_table, files)
+    for other in others:
+        for name in first.columns:
+            if name not in other.columns:
+                raise InputError(
+                    f"{other.file} has no column of numbers {name!r}, which {first.file} has; "
+                    "name the tables that belong together, or paste columns of the same rows into "
+                    "one table"
+                )
+    names = tuple(sorted(file.name for file in files))
+    return Tables(files[0].parent, names, with_times(first, [time]))
+
+
+def _table(file: Path) -> Table:
+    if file.suffix in BAGS:
+        return ros.numeric_table(file)
+    return numeric_table(read_bytes(file), str(file))
+
+
+def _tables_in(folder: Path) -> list[Path]:
+    files = sorted(file for file in folder.iterdir() if is_table(file))
+    if not files and (folder / "meta" / "info.json").is_file():
+        raise InputError(
+            f"{folder} is a LeRobot data set: name its data/*/*.parquet, or write a dataset.toml "
+            'with [reader] kind = "lerobot", as in data/README.md of frictionid'
+        )
+    if not files:
+        raise InputError(f"{folder} has no table that ends with {', '.join(TABLES + BAGS)}")
+    return files
+
+
+# --- What the name of a column says: its quantity, its unit, and whether it was measured ----------
 
 # Words of names, in lower case. The first quantity counts that has a word of the name.
 WORDS: Mapping[str, frozenset[str]] = {
@@ -119,64 +185,3 @@ def by_trust(names: Iterable[str]) -> tuple[list[str], ...]:
     everything = list(names)
     sensed = [name for name in everything if SENSED & set(words(name))]
     return sensed, [n for n in everything if not FILTERED & set(words(n))], everything
-
-
-# --- Columns of an IMU ----------------------------------------------------------------------------
-
-
-_CALLED = {
-    "angular_velocity": (
-        frozenset("gyro gyroscope gyr gx gy gz wx wy wz".split()),
-        (frozenset({"angular", "velocity"}), frozenset({"angular", "vel"})),
-    ),
-    "specific_force": (
-        frozenset("acc accel accelerometer ax ay az".split()),
-        (frozenset({"linear", "acceleration"}), frozenset({"specific", "force"})),
-    ),
-}
-_IN_G = (0.5, 2.0)  # median size of a specific force in units of g
-_FAST = 35.0  # [rad/s]: gyroscopes show less, unless it is deg/s
-
-
-def imu_columns(table: Table) -> dict[str, Any]:
-    """The [base] table of an IMU whose columns have usual names, or nothing.
-
-    >>> names = [f"imu_{kind}_{axis}" for kind in ("gyro", "acc") for axis in "xyz"]
-    >>> base = imu_columns(Table("a.csv", np.arange(2), {name: np.ones(2) for name in names}))
-    >>> base["angular_velocity"], base["units"]
-    (['imu_gyro_x', 'imu_gyro_y', 'imu_gyro_z'], {'specific_force': 'g'})
-    >>> sorted(names_of(base)) == sorted(names)
-    True
-    """
-    out: dict[str, Any] = {}
-    for quantity in _CALLED:
-        names = list(_columns(table, quantity))
-        if len(names) != 3:
-            return {}
-        out[quantity] = names
-    units = {}
-    if _size(table, out["angular_velocity"]).max() > _FAST:
-        units["angular_velocity"] = "deg/s"
-    if _IN_G[0] < np.median(_size(table, out["specific_force"])) < _IN_G[1]:
-        units["specific_force"] = "g"
-    at_origin = {key: [0.0, 0.0, 0.0] for key in ("sensor_position", "sensor_rotation")}
-    return {**out, **({"units": units} if units else {}), **at_origin}
-
-
-def names_of(base: Mapping[str, Any]) -> list[str]:
-    """Columns of an IMU."""
-    return [name for quantity in _CALLED for name in base.get(quantity, ())]
-
-
-def _columns(table: Table, quantity: str) -> Iterator[str]:
-    single, several = _CALLED[quantity]
-    for name in table.columns:
-        said = set(words(name))
-        if is_measured(name) and (said & single or any(each <= said for each in several)):
-            yield name
-
-
-def _size(table: Table, names: list[str]) -> Array:
-    """Length (T,) of vectors where all their columns have numbers."""
-    vectors = np.stack([table.columns[name] for name in names])
-    return np.linalg.norm(vectors[:, np.isfinite(vectors).all(axis=0)], axis=0)
