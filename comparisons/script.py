@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from frictionid.cli.options import add_command
+from frictionid.cli.command import add_command
 
 
 def call(main: Callable[..., None]) -> None:

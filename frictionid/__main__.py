@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from frictionid.cli.command import QUIET, add_command, said_once, without_quiet
 from frictionid.cli.experiments import simulate, suggest
 from frictionid.cli.fit import evaluate, fit, predict
 from frictionid.cli.installed import data, identifiers, laws, mechanisms, warm
-from frictionid.cli.options import add_command
-from frictionid.cli.progress import QUIET, said_once, without_quiet
 from frictionid.cli.start import check, init, quick
 from frictionid.cli.suites import compare, report, sensitivity, tune
 from frictionid.deploy.cli import baseline, compensate, export, monitor, pool, watch

@@ -5,8 +5,7 @@ from typing import Any
 
 import frictionid as fid
 
-from .options import PresentPath, numbers
-from .progress import counted, show
+from .command import PresentPath, counted, numbers, show
 
 _TWO = "be two numbers [Hz], e.g. 0.2,4"
 _NUMBERS = "be numbers with commas, e.g. 0.5,1"

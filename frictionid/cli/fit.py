@@ -9,8 +9,17 @@ import typer
 import frictionid as fid
 from frictionid.errors import InputError, needs
 
-from .options import DatasetPath, ModelsAndDataset, PresentOrNone, PresentPath, numbers, settings
-from .progress import counted, heard, show
+from .command import (
+    DatasetPath,
+    ModelsAndDataset,
+    PresentOrNone,
+    PresentPath,
+    counted,
+    heard,
+    numbers,
+    settings,
+    show,
+)
 
 
 def fit(

@@ -5,8 +5,7 @@ from typing import Any
 
 import typer
 
-from .options import add_command
-from .progress import running
+from .command import add_command, running
 
 
 def list_kinds(command: str, name: str, json: bool) -> None:

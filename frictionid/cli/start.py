@@ -10,8 +10,7 @@ import typer
 import frictionid as fid
 from frictionid.errors import InputError
 
-from .options import DatasetPath, ModelPaths, PresentOrNone, numbers, setting
-from .progress import is_quiet, running
+from .command import DatasetPath, ModelPaths, PresentOrNone, is_quiet, numbers, running, setting
 
 if TYPE_CHECKING:
     from frictionid.quickstart.describe_tables import Described, Known

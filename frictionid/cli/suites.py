@@ -10,8 +10,7 @@ import typer
 import frictionid as fid
 from frictionid.errors import InputError
 
-from .options import OtherFolder, ResultFolder, SuitePath
-from .progress import counted, interruptible, running
+from .command import OtherFolder, ResultFolder, SuitePath, counted, interruptible, running
 
 if TYPE_CHECKING:
     from frictionid.comparison.results import Results

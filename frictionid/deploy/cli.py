@@ -10,8 +10,16 @@ from typing import Annotated, Any, Literal
 import typer
 
 import frictionid as fid
-from frictionid.cli.options import DatasetPath, ModelPaths, PresentOrNone, PresentPath, present
-from frictionid.cli.progress import heard, is_quiet, show
+from frictionid.cli.command import (
+    DatasetPath,
+    ModelPaths,
+    PresentOrNone,
+    PresentPath,
+    heard,
+    is_quiet,
+    present,
+    show,
+)
 from frictionid.errors import InputError
 
 from .export import FORMATS

@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 import frictionid as fid
-from frictionid.cli.options import DatasetPath, PresentPath
-from frictionid.cli.progress import counted, show
+from frictionid.cli.command import DatasetPath, PresentPath, counted, show
 from frictionid.errors import InputError
 
 RIG = Path("rig.toml")

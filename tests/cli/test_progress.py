@@ -4,7 +4,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from frictionid.cli import progress
+from frictionid.cli import command
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def shown(monkeypatch):
         texts.append(arguments[-1])
         yield texts.append
 
-    monkeypatch.setattr(progress, "counted", counted)
+    monkeypatch.setattr(command, "counted", counted)
     return texts
 
 
@@ -26,7 +26,7 @@ def shown(monkeypatch):
     [("abc", 2, "bac", ["a, b", "a, c", "c", ""]), ("aa", 1, "aa", ["a", "a", ""])],
 )
 def test_what_runs_is_shown_from_the_begin_to_the_end(shown, names, jobs, ends, texts):
-    with progress.running([*names], "work", jobs) as done:
+    with command.running([*names], "work", jobs) as done:
         for number, name in enumerate(ends):
             assert shown == texts[: number + 1]
             done(name)
@@ -49,7 +49,7 @@ def test_reported_steps_move_the_bar_of_a_fit(monkeypatch):
         yield Bar(), 7
 
     monkeypatch.setattr(progress, "_bar", bar)
-    with progress.heard("fitting"):
+    with command.heard("fitting"):
         report_step("windows", 3)
     report_step("unheard", 1)
     assert seen == [(7, 5, 8, "windows")]
