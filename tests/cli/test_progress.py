@@ -48,7 +48,7 @@ def test_reported_steps_move_the_bar_of_a_fit(monkeypatch):
     def bar(*_):
         yield Bar(), 7
 
-    monkeypatch.setattr(progress, "_bar", bar)
+    monkeypatch.setattr(command, "_bar", bar)
     with command.heard("fitting"):
         report_step("windows", 3)
     report_step("unheard", 1)
