@@ -67,11 +67,7 @@ class NamedTable(NamedTuple):
         return {f"tables/{self.stem}.{kind}": text.encode() for kind, text in texts.items()}
 
 
-class Exhibits(NamedTuple):
-    """Tables and pictures of one scored data set; the summary table is the first."""
-
-    tables: tuple[NamedTable, ...]
-    pictures: tuple[Picture, ...]
+Exhibits = tuple[list[NamedTable], list[Picture]]  # the summary table is the first
 
 
 class Names(NamedTuple):
@@ -131,7 +127,7 @@ def exhibits_of(section: Section, data: SummaryData, names: Names) -> Exhibits:
             tables += fit_tables(section, model, names.fits[model], i > 0)
             pictures.append(correlation_picture(section, model, names, linked=i > 0))
         pictures += kind_pictures(section, names, "bands")
-    return Exhibits(tuple(tables), tuple(pictures))
+    return tables, pictures
 
 
 # --- Tables ---------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ never memory; what the corrected recipes leave may be.
 
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -203,22 +203,8 @@ def _tones(count: int) -> list[float]:
 BOTH = frozenset(("delay", "inertia"))
 
 
-class Method(NamedTuple):
-    """Scheme of a recipe, and what of a calibration corrects its data."""
-
-    scheme: str
-    corrects: frozenset[str]
-
-
-RAW = Method("euler", frozenset())
-
-
-class Advantage(NamedTuple):
-    """The best models without and with memory under one method, and the error that memory saves."""
-
-    static: Model
-    dynamic: Model
-    pair: CorrelatedTest
+Method = tuple[str, frozenset[str]]  # scheme of a recipe, and what of a calibration corrects it
+RAW: Method = ("euler", frozenset())
 
 
 def memory_analysis(data: SummaryData) -> dict[str, Any] | None:
@@ -230,46 +216,48 @@ def memory_analysis(data: SummaryData) -> dict[str, Any] | None:
     in_order, folds : in how many folds the losses fall in this order, of how many
     raw : advantage where nothing is corrected
     shares : what each correction takes off it, see `_shares`
-    method, remaining : the method that leaves the fewest other reasons, and the advantage there
+    scheme, corrects : of the method that leaves the fewest other reasons
+    static, dynamic, remaining : the best models without and with memory there, and its advantage
     rollouts : horizons [s], and the error that memory saves in predictions there
     """
     advantages = _advantages(data)
     if RAW not in advantages:
         return None
-    raw = advantages[RAW]
-    method = max(advantages, key=lambda m: (len(m.corrects & BOTH), m.scheme == "integral"))
-    remaining = advantages[method]
-    models = [*data.of_role("none")[:1], raw.static, raw.dynamic]
+    *raw_models, raw = advantages[RAW]
+    method = max(advantages, key=lambda m: (len(m[1] & BOTH), m[0] == "integral"))
+    static, dynamic, remaining = advantages[method]
+    models = [*data.of_role("none")[:1], *raw_models]
     each = [data.of_folds(model, EULER) for model in models]
     same = len({len(losses) for losses in each}) == 1 and len(each[0]) > 0
-    pairs = [
-        (h, data.paired(remaining.static, remaining.dynamic, rollout(h))) for h in data.reported
-    ]
+    pairs = [(h, data.paired(static, dynamic, rollout(h))) for h in data.reported]
     return {
         "losses": list(zip(models, np.mean(each, axis=1), strict=True)) if same else [],
         "in_order": int((np.diff(each, axis=0) < 0).all(axis=0).sum()) if same else 0,
         "folds": len(each[0]),
         "raw": raw,
-        "shares": _shares({m: advantage.pair.mean for m, advantage in advantages.items()}),
-        "method": method,
+        "shares": _shares({m: pair.mean for m, (_, _, pair) in advantages.items()}),
+        "scheme": method[0],
+        "corrects": method[1],
+        "static": static,
+        "dynamic": dynamic,
         "remaining": remaining,
-        "rollouts": [p for p in pairs if p[1].clear is not None] if method.corrects else [],
+        "rollouts": [p for p in pairs if p[1].clear is not None] if method[1] else [],
     }
 
 
-def _advantages(data: SummaryData) -> dict[Method, Advantage]:
-    """The advantage of memory under each method."""
+def _advantages(data: SummaryData) -> dict[Method, tuple[Model, Model, CorrelatedTest]]:
+    """The best models without and with memory under each method, and the error that it saves."""
     by_method: dict[Method, list[Model]] = {}
     for model in data.of_role("fitted"):
         if model.method.get("scheme") in ("euler", "integral"):
-            key = Method(model.method["scheme"], frozenset(model.method.get("corrects", ())))
+            key = str(model.method["scheme"]), frozenset(model.method.get("corrects", ()))
             by_method.setdefault(key, []).append(model)
     out = {}
     for key, models in by_method.items():
         static = data.best([m for m in models if not has_memory(m)], EULER)
         dynamic = data.best([m for m in models if has_memory(m)], EULER)
         if static is not None and dynamic is not None:
-            out[key] = Advantage(static, dynamic, data.paired(static, dynamic, EULER))
+            out[key] = static, dynamic, data.paired(static, dynamic, EULER)
     return out
 
 
@@ -283,9 +271,9 @@ def _shares(ahead: Mapping[Method, float]) -> dict[str, float]:
     """
     raw = ahead[RAW]
     delay, inertia, both = (
-        ahead.get(Method("euler", frozenset(part))) for part in (["delay"], ["inertia"], BOTH)
+        ahead.get(("euler", frozenset(part))) for part in (["delay"], ["inertia"], BOTH)
     )
-    integral = ahead.get(Method("integral", BOTH))
+    integral = ahead.get(("integral", BOTH))
     out: dict[str, float] = {}
     if delay is not None and inertia is not None and both is not None:
         out["delay"] = (raw - delay + inertia - both) / 2

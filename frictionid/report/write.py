@@ -64,9 +64,9 @@ def _contents(results: Results, jobs: int) -> dict[str, bytes]:
             for data in section.data
         }
     contents = reduction(results)
-    for table in (table for shown in exhibits.values() for table in shown.tables):
+    for table in (table for tables, _ in exhibits.values() for table in tables):
         contents |= table.files
-    figures = figure_files([p for shown in exhibits.values() for p in shown.pictures], jobs)
+    figures = figure_files([p for _, shown in exhibits.values() for p in shown], jobs)
     for stem, files in figures.items():
         contents |= {f"figures/{stem}.{kind}": content for kind, content in files.items()}
     parts = [
@@ -128,7 +128,7 @@ def _images(exhibits: Mapping[Any, Exhibits], drawn: Mapping[str, bytes]) -> dic
     The page links the others, and those of all models' motion.
     """
     out, room = {}, ROOM
-    for picture in (p for shown in exhibits.values() for p in shown.pictures if not p.linked):
+    for picture in (p for _, shown in exhibits.values() for p in shown if not p.linked):
         text = quote(drawn[picture.stem], safe=" /:;=,()!?@+*-._~$[]'")
         if len(text) <= room and not picture.stem.startswith("motion--"):
             out[picture.stem] = f"data:image/svg+xml,{text}"
@@ -165,7 +165,7 @@ def _part(
         "tables": [
             named.table
             for d in section.data
-            for named in exhibits[section.dataset, d.dataset].tables
+            for named in exhibits[section.dataset, d.dataset][0]
             if named.stem.startswith(("summary--", "torque--"))
         ],
         "chosen": chosen,
@@ -189,12 +189,13 @@ def _scored(
     data: SummaryData, verdict: Verdict, chosen: Model | None, exhibits: Exhibits, names: Names
 ) -> dict[str, Any]:
     """A scored data set: its table, motions of the chosen model, figures and tables by kind."""
+    tables, pictures = exhibits
     return {
         "data": data,
         "table": _table(data, verdict, chosen),
         "examples": [] if chosen is None else _examples(chosen, data, names.styles[chosen.label]),
-        "pictures": _by_kind(exhibits.pictures),
-        "tables": _by_kind(exhibits.tables),
+        "pictures": _by_kind(pictures),
+        "tables": _by_kind(tables),
     }
 
 

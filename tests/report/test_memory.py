@@ -42,19 +42,19 @@ def test_the_parts_of_an_advantage_are_those_that_corrections_take_away(tmp_path
     found = analysed(tmp_path)
     assert [loss for _, loss in found["losses"]] == pytest.approx([0.61, 0.44, 0.37])
     assert (found["in_order"], found["folds"]) == (4, 4)
-    assert found["raw"].pair.mean == pytest.approx(0.07) and found["raw"].pair.clear
+    assert found["raw"].mean == pytest.approx(0.07) and found["raw"].clear
     # both orders of correction: ((.07 - .03) + (.05 - .02)) / 2 and ((.07 - .05) + (.03 - .02)) / 2
     assert found["shares"] == pytest.approx({"delay": 0.035, "inertia": 0.015, "scheme": 0.02})
     assert sum(found["shares"].values()) == pytest.approx(0.07)
-    assert found["remaining"].pair.clear is False
+    assert found["remaining"].clear is False
     assert [pair.clear for _, pair in found["rollouts"]] == [False, False]
 
 
 @pytest.mark.parametrize(("left", "rollout"), [(0.01, 0.05), (-0.01, -0.05)])
 def test_what_is_left_is_the_advantage_where_all_is_corrected(tmp_path, left, rollout):
     found = analysed(tmp_path, left, rollout)
-    assert found["method"].scheme == "integral" and len(found["method"].corrects) == 2
-    assert found["remaining"].pair.mean == pytest.approx(left) and found["remaining"].pair.clear
+    assert found["scheme"] == "integral" and len(found["corrects"]) == 2
+    assert found["remaining"].mean == pytest.approx(left) and found["remaining"].clear
     assert [pair.mean for _, pair in found["rollouts"]] == pytest.approx([rollout / 2, rollout])
 
 

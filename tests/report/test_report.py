@@ -278,7 +278,7 @@ def pictures_of(folder):
     with drawing():
         for section in sections:
             for data in section.data:
-                yield from exhibits_of(section, data, names).pictures
+                yield from exhibits_of(section, data, names)[1]
 
 
 def test_links_of_the_page_lead_somewhere(typical):
