@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -123,7 +123,7 @@ def describe_robot(
             said = head + _taken(gains)
             missing = tuple(said if text in factor else text for text in missing)
             key = "gear" if filled.gear is None else "kt"
-            each = [float(f"{gain.value * motor[key]:.3g}") for gain in gains.values() if gain]
+            each = [float(f"{gain[0] * motor[key]:.3g}") for gain in gains.values() if gain]
             draft = draft._replace(missing=missing, motor={**motor, key: each})
     blind = not {GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
     described = described_draft(draft, blind=blind)
@@ -169,7 +169,7 @@ def _comments(
 
 
 def _taken(gains: "Mapping[str, Gain | None]") -> str:
-    each = (f"{j} {gain.value:.3g} +- {gain.error:.1g}" for j, gain in gains.items() if gain)
+    each = (f"{j} {gain[0]:.3g} +- {gain[1]:.1g}" for j, gain in gains.items() if gain)
     return f"taken as the masses of the file ask for, {', '.join(each)}"
 
 
@@ -302,11 +302,7 @@ _FEWEST = 80  # windows of sliding
 _ALONE = 0.02  # share of a column that nothing else explains, at least
 
 
-class Gain(NamedTuple):
-    """Joint torque by unit of its column, and the standard error."""
-
-    value: float
-    error: float
+Gain = tuple[float, float]  # joint torque by unit of its column, and the standard error
 
 
 def gains_by_gravity(dataset: Dataset) -> dict[str, Gain | None]:
@@ -351,4 +347,4 @@ def _gain(A: Array, need: Array) -> Gain | None:
         return None
     scores = np.add.reduceat(A * left[:, None], np.arange(0, len(A), _CLUSTER))
     error = float(np.sqrt((inverse @ scores.T @ scores @ inverse)[0, 0]))
-    return Gain(float(x[0]), error) if error < _SURE * abs(x[0]) else None
+    return (float(x[0]), error) if error < _SURE * abs(x[0]) else None
