@@ -7,7 +7,7 @@ differ in their `Form` of each operation, in how they write numbers, and in thei
 import operator
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from frictionid.programs.program import OPERATIONS, Line, Operand, Program, Value
@@ -51,14 +51,9 @@ class Node(NamedTuple):
 Expression = Node | str | float  # a name, or a constant
 
 
-class Block(NamedTuple):
-    """What is computed for one joint: named values, then its entry of each output by name.
-
-    statements : name, expression, and whether it is true or false
-    """
-
-    statements: tuple[tuple[str, Expression, bool], ...]
-    outputs: Mapping[str, Expression]
+# What is computed for one joint: named values, then its entry of each output. Name, expression, and
+# what that gives: "number" or "truth", or that it is an "output".
+Block = Sequence[tuple[str, Expression, str]]
 
 
 class _Writer:
@@ -71,17 +66,17 @@ class _Writer:
         self.uses = Counter(v.number for v in program.operands() if isinstance(v, Value))
         ends = {v for output in program.outputs.values() for v in output if isinstance(v, Value)}
         self.ends = {v.number for v in ends if self.uses[v.number] == 1}
-        self.statements: list[tuple[str, Expression, bool]] = []
+        self.statements: list[tuple[str, Expression, str]] = []
         self.named = 0
 
     def block(self, joint: int) -> Block:
         """The block of a joint; what earlier joints have named has its name."""
-        outputs = {}
+        outputs = []
         for name, values in self.program.outputs.items():
             self._make(values[joint])
-            outputs[name] = self._operand(values[joint], is_truth=False)
-        statements, self.statements = tuple(self.statements), []
-        return Block(statements, outputs)
+            outputs.append((name, self._operand(values[joint], is_truth=False), "output"))
+        statements, self.statements = self.statements, []
+        return [*statements, *outputs]
 
     def _line(self, number: int) -> Line:
         return self.program.lines[number - len(self.program.inputs)]
@@ -123,7 +118,8 @@ class _Writer:
         if self.uses[number] > 1 or is_long:
             self.named += 1
             name = f"{self.prefix}{self.named}"
-            self.statements.append((name, expression, operation in TRUTHS))
+            kind = "truth" if operation in TRUTHS else "number"
+            self.statements.append((name, expression, kind))
             expression, self.size[number] = name, 0
         self.expressions[number] = expression
 
@@ -260,13 +256,11 @@ class Language(NamedTuple):
     ) -> Iterator[tuple[str, str, str]]:
         """Target, text and kind of what is computed for a joint, from 0.
 
-        Kinds are "number" and "truth" of named values, and "output", whose target is its name in
-        the program.
+        The target of an output is its name in the program.
         """
-        for name, expression, is_truth in block.statements:
-            yield name, self.text(expression, places), "truth" if is_truth else "number"
-        for output, value in block.outputs.items():
-            yield f"{output}_{joint + 1}", self.text(value, places), "output"
+        for name, expression, kind in block:
+            target = f"{name}_{joint + 1}" if kind == "output" else name
+            yield target, self.text(expression, places), kind
 
 
 def folded(line: str, indent: str = "    ") -> str:
@@ -302,7 +296,7 @@ class Function(NamedTuple):
         >>> v = [Value(k) for k in range(3)]
         >>> lines = (Line("divide", (v[0], 0.02)), Line("tanh", (v[1],)))
         >>> program = Program(("w_1",), lines, {"Tf": (v[2],)})
-        >>> Function("torque", ("w",), program, "").blocks()[0].outputs["Tf"].operation
+        >>> Function("torque", ("w",), program, "").blocks()[0][-1][1].operation
         'tanh'
         """
         writer = _Writer(self.program, prefix)

@@ -148,7 +148,7 @@ def _point_masses(body: Array) -> Array:
     return body[0] * moments_of(np.stack([np.outer(place, place), *farther]))
 
 
-# --- How recordings move, and whether new ones move as healthy ones did ----------------------------
+# --- How recordings move, and whether new ones move as healthy ones did ---------------------------
 
 MEASURES = "faster", "more abrupt"
 MARGIN = np.log(1.25)  # beyond the healthy recordings, or half of their range if that is more

@@ -73,7 +73,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
 def _lines(function: ex.Function, joint: int) -> Iterator[str]:
     """Equations of a joint: what has a name, then the torque or the memory."""
     code = function.blocks("v" if function.name == "torque" else "s")
-    statements = [name for block in code for name, *_ in block.statements]
+    statements = [name for block in code for name, _, kind in block if kind != "output"]
     places = {x: _symbol(x) for x in function.program.inputs}
     places |= {name: f"{name[0]}_{{{name[1:]}}}" for name in statements}
     for target, text, _ in LANGUAGE.lines(code[joint], joint, places):
