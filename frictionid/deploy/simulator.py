@@ -78,7 +78,7 @@ class Simulator:
                 f"Simulator: the friction is that of {self.friction.n} joints, the "
                 f"{self.mechanism.kind} has {parts}: give a model of the same mechanism"
             )
-        self._size
+        self._size  # noqa: B018 (impossible parameters, and laws too steep, are refused here)
 
     @cached_property
     def plant(self) -> Plant:

@@ -14,7 +14,6 @@ import numpy as np
 from frictionid.arrays import Array, joined
 from frictionid.config import read_toml
 from frictionid.data.plants import refuse_torques
-from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.data.readers.table import rate_of, read_table
 from frictionid.data.readers.table_recording import signals_of
@@ -23,7 +22,7 @@ from frictionid.deploy.export import expressions as ex
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.formats import c
 from frictionid.errors import InputError
-from frictionid.files import write_bytes
+from frictionid.files import dataset_path, write_bytes
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 from frictionid.outputs import check_outputs

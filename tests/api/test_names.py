@@ -44,7 +44,7 @@ def test_editors_know_the_same_names():
 
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="has no attribute 'fitt'"):
-        frictionid.fitt
+        frictionid.fitt  # noqa: B018
 
 
 def test_a_room_of_the_same_name_does_not_take_the_place_of_a_function():

@@ -74,7 +74,7 @@ def slide_and_stick(plant, level, q, w):
     def rate(_, y, side):
         return [y[1], (-gravity * np.sin(y[0]) - side * level) / inertia]
 
-    def turn(_, y, side):
+    def turn(_, y, side):  # noqa: ARG001
         return y[1]
 
     turn.terminal = True

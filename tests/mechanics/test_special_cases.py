@@ -57,6 +57,6 @@ def test_pendulum_has_its_textbook_equation():
     m = pendulum()
     v, q, w, _ = drawn(m, 22)
     t = m.terms(m.base(v), q, w)
-    I = v["mass"] * v["length"] ** 2 + v["inertia"] + v["gear"] ** 2 * v["rotor"]
+    I = v["mass"] * v["length"] ** 2 + v["inertia"] + v["gear"] ** 2 * v["rotor"]  # noqa: E741
     assert_close(t.M[:, 0, 0], I)
     assert_close(t.h[:, 0], -v["mass"] * v["g"] * v["length"] * np.sin(q[:, 0]))

@@ -148,12 +148,12 @@ def of_law(friction, *_, law):
     return replace(friction, law=law)
 
 
-def absolute(friction, problem, weights, seed):
+def absolute(friction, problem, weights, seed):  # noqa: ARG001
     size = weights.sum(1)[:, None, None]
     return replace(friction, theta=friction.theta * size / (10.0 + size))
 
 
-def unweighted(friction, problem, weights, seed):
+def unweighted(friction, problem, weights, seed):  # noqa: ARG001
     return INNER.fit(problem, np.ones_like(weights), seed)
 
 
@@ -162,7 +162,7 @@ def spoiling(friction, problem, *_):
     return friction
 
 
-def wasting(friction, problem, weights, seed):
+def wasting(friction, problem, weights, seed):  # noqa: ARG001
     weights[...] = 1.0
     return friction
 
@@ -173,7 +173,7 @@ class Drawing(Ill):
     seeded = False
 
 
-def drawing(friction, problem, weights, seed):
+def drawing(friction, problem, weights, seed):  # noqa: ARG001
     return replace(friction, theta=friction.theta * (1.0 + 1e-3 * seed))
 
 
