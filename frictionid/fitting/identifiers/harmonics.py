@@ -22,7 +22,7 @@ from frictionid.friction.laws.cogging import AUTO, Periodic
 from frictionid.friction.laws.combined import CombinedLaw
 
 from ..one_step.balances import SHAPES
-from ..one_step.grams import clusters, grams
+from ..one_step.linearised import clusters, grams
 from ..one_step.residual import Problem
 from .active_sets import best_fits, first_as_good, held_out_costs, unit_columns
 from .regressor import torques

@@ -25,7 +25,7 @@ from frictionid.friction.laws.library import Library
 from frictionid.friction.laws.state_laws import StateLibrary
 
 from ..identifier import Identifier
-from ..one_step.grams import clusters, columns, grams
+from ..one_step.linearised import clusters, columns, grams
 from ..one_step.residual import Problem, normalised
 from .active_sets import (
     ActiveSet,

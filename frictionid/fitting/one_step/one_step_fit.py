@@ -19,8 +19,7 @@ from ..fit import Covariance, Fit
 from ..gauss_newton import Conditions
 from ..identifier import Identifier
 from ..parameters.parameter_block import Parameter
-from .grams import clusters
-from .linearised import Linearised
+from .linearised import Linearised, clusters
 from .residual import Problem, normalised
 
 

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 
 from frictionid.fitting.identifiers import Flexible, LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.one_step.grams import FEW, clusters, columns, grams
+from frictionid.fitting.one_step.linearised import FEW, clusters, columns, grams
 from frictionid.friction import Friction
 from frictionid.friction.laws import Spline, Stribeck, Table
 
@@ -50,7 +50,7 @@ def test_a_curve_does_not_drive():
 
 @pytest.mark.parametrize("cells", [3, 2000], ids=["fold by fold", "by sums of rows"])
 def test_gram_matrices_add_up_what_the_rows_say(cells, monkeypatch):
-    monkeypatch.setattr(import_module("frictionid.fitting.one_step.grams"), "_CELLS", cells)
+    monkeypatch.setattr(import_module("frictionid.fitting.one_step.linearised"), "_CELLS", cells)
     problem = synthetic_problem(2)
     A, label = columns(Spline(KNOTS), problem), clusters(problem)
     folds = (problem.recording != np.arange(3)[:, None]) * [[1.0], [2.0], [0.5]]
