@@ -8,12 +8,11 @@ facts                     clock, joints, noise and steps of signals
 sensors, log_faults       faults of the readings and of the log
 conventions, time_unit    signs, joints, zeros, frames and units, each a map of the data
 hypothesis_tests          conventions, delay, model_errors: errors against the nominal mechanism
-faults_of_recordings      the same without recordings that have a fault of their own
-friction_drift, end_stops friction that grows or falls in the course of the recordings; stops
+machine_faults            end stops; friction that grows or falls in the course of the recordings
 passive                   energy without input, loads at rest, torques that equal gravity
 torque_source, servos     where the torque comes from
 questions                 answers, also where nothing is wrong; what to record next
-verdict                   the sequence of all checks
+verdict                   the sequence of all checks; recordings with a fault of their own
 """
 
 from .findings import LEVELS, Finding
