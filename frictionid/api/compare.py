@@ -15,8 +15,8 @@ from frictionid.comparison.cross_validate import (
 )
 from frictionid.comparison.results import results_in_memory
 from frictionid.comparison.suite import NamedIdentifier, tasks_on
+from frictionid.comparison.suite_recipes import usual_recipe, usual_sample_time
 from frictionid.comparison.tasks import Outcome, Task, results_of
-from frictionid.comparison.usual_method import usual_recipe, usual_sample_time
 from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, NoFitError

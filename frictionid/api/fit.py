@@ -6,8 +6,14 @@ from typing import Any
 
 from frictionid.comparison.equal_joints import groups_of, with_equal
 from frictionid.comparison.fit_model import fit_model, with_smoothing_bias
-from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, recipe_of
-from frictionid.comparison.usual_method import ONE_STEP, usual_method, usual_sample_time
+from frictionid.comparison.suite_recipes import (
+    ONE_STEP_NAMES,
+    RecipeEntry,
+    recipe_named,
+    recipe_of,
+    usual_method,
+    usual_sample_time,
+)
 from frictionid.config import checked, nearest
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
@@ -19,7 +25,7 @@ from .fitted import Fit
 from .models import DatasetLike, LawLike, count, dataset_of, friction_of, identifier_of, numbers
 from .notebook import counted
 
-METHODS = ("one_step", "shooting", "inverse_dynamics", *ONE_STEP)
+METHODS = ("one_step", "shooting", "inverse_dynamics", *ONE_STEP_NAMES)
 
 
 def method_of(
@@ -57,7 +63,7 @@ def method_of(
         return method
     if method not in METHODS:
         raise InputError(f"method = {method!r} is unknown; {nearest(str(method), METHODS)}")
-    if method in ONE_STEP:
+    if method in ONE_STEP_NAMES:
         method, recipe = "one_step", method
     calibrated = None
     if calibration is not None:

@@ -19,8 +19,12 @@ from frictionid.arrays import Array, evenly
 from frictionid.check import check
 from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
 from frictionid.comparison.suite import IdentifierEntry, identifier_named
-from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
-from frictionid.comparison.usual_method import time_between_samples, usual_method
+from frictionid.comparison.suite_recipes import (
+    RecipeEntry,
+    recipe_of,
+    time_between_samples,
+    usual_method,
+)
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset, Recording

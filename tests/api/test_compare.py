@@ -9,7 +9,7 @@ from fixtures.tiny_pendulums import dataset
 import frictionid
 from frictionid.api.evaluate import training_notes
 from frictionid.api.models import identifier_of
-from frictionid.comparison.usual_method import usual_recipe
+from frictionid.comparison.suite_recipes import usual_recipe
 from frictionid.evaluation import Protocol, make_folds
 from frictionid.friction import Friction
 from frictionid.friction.laws import NoFriction

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 import frictionid as fid
 from frictionid.api.models import identifier_of
-from frictionid.comparison.usual_method import usual_method
+from frictionid.comparison.suite_recipes import usual_method
 
 TOML = """
 name = "arm"

@@ -12,7 +12,7 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_array_equal
 
 from frictionid.comparison.suite import load_suite, tasks_of
-from frictionid.comparison.usual_method import usual_method
+from frictionid.comparison.suite_recipes import usual_method
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.table import Table
 from frictionid.mechanics import mjcf, urdf

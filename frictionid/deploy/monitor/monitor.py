@@ -12,7 +12,7 @@ from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of, identifier_of
 from frictionid.arrays import Array, joined
 from frictionid.comparison.fit_model import as_logged
-from frictionid.comparison.usual_method import usual_method
+from frictionid.comparison.suite_recipes import usual_method
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
