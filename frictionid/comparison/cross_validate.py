@@ -30,10 +30,10 @@ from frictionid.evaluation import (
     trajectory_folds,
     with_speeds,
 )
-from frictionid.evaluation.complexity import effective_parameters
 from frictionid.evaluation.curves import Beyond, beyond_motion
 from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
 from frictionid.evaluation.score_frame import Score, with_scores
+from frictionid.evaluation.statistics import effective_parameters
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method, check_method

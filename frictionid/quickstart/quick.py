@@ -30,16 +30,16 @@ from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError, NoFitError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
-from frictionid.evaluation.complexity import (
+from frictionid.evaluation.folds import usual_kind
+from frictionid.evaluation.prepared import usual_interval
+from frictionid.evaluation.reference_model import StartErrors, choose, preferring, unsupported
+from frictionid.evaluation.score_frame import score_tables
+from frictionid.evaluation.statistics import (
     nested_complexity,
     nested_names,
     shown_names,
     zero_names,
 )
-from frictionid.evaluation.folds import usual_kind
-from frictionid.evaluation.prepared import usual_interval
-from frictionid.evaluation.reference_model import StartErrors, choose, preferring, unsupported
-from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.torque_left import torque_frame
 from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.shooting.settings import is_driven

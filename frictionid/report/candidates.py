@@ -7,12 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.complexity import (
-    nested_complexity,
-    nested_names,
-    shown_names,
-    zero_names,
-)
 from frictionid.evaluation.reference_model import (
     Choice,
     Factor,
@@ -23,7 +17,13 @@ from frictionid.evaluation.reference_model import (
     preferring,
     unsupported,
 )
-from frictionid.evaluation.statistics import FEWEST
+from frictionid.evaluation.statistics import (
+    FEWEST,
+    nested_complexity,
+    nested_names,
+    shown_names,
+    zero_names,
+)
 from frictionid.friction.provenance import tables_of
 
 from .memory import has_memory

@@ -17,7 +17,7 @@ from frictionid.comparison.cross_validate import complexity_score
 from frictionid.comparison.equal_joints import LEVEL, differences
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal
-from frictionid.evaluation.complexity import effective_parameters
+from frictionid.evaluation.statistics import effective_parameters
 from frictionid.fitting.identifiers import LeastSquares, SINDy
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.one_step.one_step_fit import covariance_of_fit, one_step_fit

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from frictionid.evaluation.complexity import information_criteria, trace_of_hat
 from frictionid.evaluation.curves import (
     asymmetry,
     beyond_motion,
@@ -13,6 +12,7 @@ from frictionid.evaluation.curves import (
     lowest_dissipation,
     tail_drop,
 )
+from frictionid.evaluation.statistics import information_criteria, trace_of_hat
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.sandwich import Groups, worth
 from frictionid.friction import Friction, along

@@ -5,18 +5,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionid.evaluation.complexity import (
-    nested_complexity,
-    nested_names,
-    shown_names,
-    zero_names,
-)
 from frictionid.evaluation.reference_model import (
     StartErrors,
     choose,
     loss,
     preferring,
     unsupported,
+)
+from frictionid.evaluation.statistics import (
+    nested_complexity,
+    nested_names,
+    shown_names,
+    zero_names,
 )
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.provenance import Estimate, Estimates
