@@ -26,8 +26,8 @@ from frictionid.evaluation import (
     velocity_grid,
 )
 from frictionid.fitting.identifiers import LeastSquares, SINDy
-from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network
+from frictionid.fitting.identifiers.compressed import CompressedNetwork
+from frictionid.fitting.identifiers.network import Network
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.friction.laws import LSTM, MLP, Stribeck
 from frictionid.simulate import Curve, load_rig, noise_free, simulate

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import torch
 
-from frictionid.fitting.networks.network import Network
+from frictionid.fitting.identifiers.network import Network
 from frictionid.friction.laws import TorchModule
 
 

@@ -13,8 +13,8 @@ from samples import acrobot
 from frictionid.data.plants import plant_of
 from frictionid.evaluation import Split, make_folds
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network
+from frictionid.fitting.identifiers.compressed import CompressedNetwork
+from frictionid.fitting.identifiers.network import Network
 from frictionid.fitting.one_step.formulation import STUDY, problem_of
 from frictionid.friction import along
 from frictionid.friction.laws import LSTM, MLP

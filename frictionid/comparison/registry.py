@@ -24,9 +24,9 @@ from frictionid.fitting.identifiers import (
     SINDy,
     SparseDynamics,
 )
+from frictionid.fitting.identifiers.compressed import CompressedNetwork
+from frictionid.fitting.identifiers.network import Network
 from frictionid.fitting.identifiers.regressor import estimator_named
-from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
 from frictionid.fitting.parameters import (
     ActuatorBlock,

@@ -3,5 +3,5 @@
 identifier, method   what is fitted by users' own parts: one friction, or all folds of a data set
 parameters           what may be free: friction, inertia, sensors, servos; each with a tolerance
 fit                  what every method gives: friction, covariance, diagnostics
-one_step, shooting, torque_balance    the methods; identifiers, networks: of one-step problems
+one_step, shooting, torque_balance    the methods; identifiers: of one-step problems
 """

@@ -11,7 +11,7 @@ that falls off sooner) that saves most of the steps.
 One-step fits and the balance of torques are such problems. Shooting takes the same steps in a loop
 of its own, `shooting.gauss_newton`: evaluating its cost is as dear as its linearisation, which also
 weighs the rows anew, and single windows may go back. A network's weights are more than the speeds
-that show them, so `networks.compressed` solves for the torques instead.
+that show them, so `identifiers.compressed` solves for the torques instead.
 """
 
 from typing import NamedTuple, Protocol

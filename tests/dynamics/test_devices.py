@@ -17,7 +17,11 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import acceleration, semi_implicit_step
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.networks.training_sets import FoldStack, RowTrainingSet, SequenceTrainingSet
+from frictionid.fitting.identifiers.network_data import (
+    FoldStack,
+    RowTrainingSet,
+    SequenceTrainingSet,
+)
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import LSTM, MLP, CoulombViscous, FilmLag, LuGre, Stribeck, WindowMLP
 from frictionid.mechanics import Plant

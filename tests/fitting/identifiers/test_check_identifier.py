@@ -26,8 +26,8 @@ from frictionid.fitting.identifiers.check_identifier import (
     synthetic_weights,
     true_friction,
 )
-from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network
+from frictionid.fitting.identifiers.compressed import CompressedNetwork
+from frictionid.fitting.identifiers.network import Network
 from frictionid.friction import along
 from frictionid.friction.laws import LSTM, MLP, CoulombViscous, Library, NoFriction
 from frictionid.friction.model_files import load_model, save_model

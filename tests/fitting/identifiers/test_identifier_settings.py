@@ -11,9 +11,9 @@ from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Regressor, SINDy
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network
-from frictionid.fitting.networks.training_sets import window
+from frictionid.fitting.identifiers.compressed import CompressedNetwork
+from frictionid.fitting.identifiers.network import Network
+from frictionid.fitting.identifiers.network_data import window
 from frictionid.friction.laws import (
     LSTM,
     MLP,

@@ -15,15 +15,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network
-from frictionid.fitting.networks.training import compiled, compiler
-from frictionid.fitting.networks.training_sets import (
+from frictionid.fitting.identifiers.compressed import CompressedNetwork
+from frictionid.fitting.identifiers.network import Network
+from frictionid.fitting.identifiers.network_data import (
     CompiledCells,
     FoldStack,
     SequenceTrainingSet,
     cells,
 )
+from frictionid.fitting.identifiers.network_training import compiled, compiler
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, WindowMLP, check_law

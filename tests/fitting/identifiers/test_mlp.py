@@ -23,15 +23,15 @@ from frictionid.fitting.identifiers.check_identifier import (
     synthetic_weights,
     true_friction,
 )
-from frictionid.fitting.networks.compressed import (
+from frictionid.fitting.identifiers.compressed import (
     CompressedNetwork,
     _torque,
     compressed,
     node_speeds,
 )
-from frictionid.fitting.networks.network import Network
-from frictionid.fitting.networks.training import Adam, batches, held_out
-from frictionid.fitting.networks.training_sets import FoldStack, RowTrainingSet, window
+from frictionid.fitting.identifiers.network import Network
+from frictionid.fitting.identifiers.network_data import FoldStack, RowTrainingSet, window
+from frictionid.fitting.identifiers.network_training import Adam, batches, held_out
 from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
 from frictionid.friction.laws import (
     LSTM,

@@ -23,7 +23,7 @@ from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 
 from ..identifier import Identifier
 from ..one_step.residual import Problem, normalised
-from .training import Share, friction_scales, held_out, member_seeds
+from .network_training import Share, friction_scales, held_out, member_seeds
 
 _FINE = 30.0  # how much closer nodes stand at rest than at the highest speed
 

@@ -23,9 +23,8 @@ from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 from frictionid.friction.laws.state_laws import StateNetworkLaw
 
 from ..identifier import Identifier
-from ..identifiers.sindy import accelerations
 from ..one_step.residual import Problem, normalised
-from .training import (
+from .network_training import (
     Adam,
     EarlyStopping,
     Share,
@@ -37,9 +36,10 @@ from .training import (
     member_seeds,
     padded_items,
 )
+from .sindy import accelerations
 
 if TYPE_CHECKING:
-    from .training_sets import FoldStack, RowTrainingSet, SequenceTrainingSet
+    from .network_data import FoldStack, RowTrainingSet, SequenceTrainingSet
 
 
 @validated
@@ -127,7 +127,7 @@ class Network(Identifier):
         scales : (F, n, k) of the first k parameters of the law
         costs : in training and on what is held out; means over the members
         """
-        from .training_sets import FoldStack  # imports torch: late
+        from .network_data import FoldStack  # imports torch: late
 
         check_device(self.device)
         problem = problems[0]
@@ -186,7 +186,7 @@ class Network(Identifier):
     def _training_set(
         self, stack: "FoldStack", weights: Array
     ) -> "RowTrainingSet | SequenceTrainingSet":
-        from .training_sets import RowTrainingSet, SequenceTrainingSet
+        from .network_data import RowTrainingSet, SequenceTrainingSet
 
         if not stack.law.cells:
             return RowTrainingSet(stack, weights)

@@ -20,8 +20,8 @@ from frictionid.arrays import Array, times
 from frictionid.errors import InputError, needs
 from frictionid.friction.laws import CoulombViscous
 
-from ..identifiers.least_squares import LeastSquares
 from ..one_step.residual import Problem
+from .least_squares import LeastSquares
 
 _FEW = 4  # recordings of a fold: fewer are divided into pieces
 _PIECES = 8
