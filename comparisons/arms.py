@@ -27,8 +27,8 @@ from frictionid.data.calibration import Calibration
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
-from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock, ParameterBlock
-from frictionid.fitting.parameters.parameter_block import Estimate
+from frictionid.fitting.parameter_block import Estimate, ParameterBlock
+from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.torque_balance import (
     TorqueBalance,
     TorqueSettings,

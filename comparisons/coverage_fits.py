@@ -14,7 +14,8 @@ from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
-from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock, ParameterBlock
+from frictionid.fitting.parameter_block import ParameterBlock
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.friction import Inputs
 from frictionid.simulate.rig import true_system

@@ -35,12 +35,12 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
 from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.parameter_block import ParameterBlock
 from frictionid.fitting.parameters import (
     BiasBlock,
     DelayBlock,
     FrictionBlock,
     InertiaBlock,
-    ParameterBlock,
     TargetDelayBlock,
 )
 from frictionid.fitting.shooting import Settings, Shooting

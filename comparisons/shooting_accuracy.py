@@ -38,12 +38,8 @@ from frictionid.evaluation import (
 )
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.parameters import (
-    FrictionBlock,
-    GainBlock,
-    InertiaBlock,
-    ParameterBlock,
-)
+from frictionid.fitting.parameter_block import ParameterBlock
+from frictionid.fitting.parameters import FrictionBlock, GainBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 from frictionid.simulate import Curve, Rig, load_rig, simulate

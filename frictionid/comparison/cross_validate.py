@@ -37,7 +37,7 @@ from frictionid.evaluation.statistics import effective_parameters
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method, check_method
-from frictionid.fitting.parameters.parameter_block import Parameter
+from frictionid.fitting.parameter_block import Parameter
 from frictionid.friction import Constraints, Friction
 
 from .fit_model import with_notes

@@ -28,6 +28,7 @@ from frictionid.fitting.identifiers.compressed import CompressedNetwork
 from frictionid.fitting.identifiers.network import Network
 from frictionid.fitting.identifiers.regressor import estimator_named
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
+from frictionid.fitting.parameter_block import ParameterBlock
 from frictionid.fitting.parameters import (
     ActuatorBlock,
     BacklashBlock,
@@ -38,7 +39,6 @@ from frictionid.fitting.parameters import (
     GainBlock,
     InertiaBlock,
     OffsetBlock,
-    ParameterBlock,
     TargetDelayBlock,
 )
 from frictionid.friction import Friction

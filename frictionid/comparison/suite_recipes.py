@@ -19,7 +19,7 @@ from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Flexible, Frictionless
 from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
-from frictionid.fitting.parameters import ParameterBlock
+from frictionid.fitting.parameter_block import ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.recipe import PARTS, KnownCalibration, known_calibration
 from frictionid.fitting.shooting.settings import torque_is_sampled

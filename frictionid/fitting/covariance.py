@@ -11,7 +11,7 @@ from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.provenance import Dropped
 
 from .fit import Covariance, forget
-from .parameters.parameter_block import IDEAL, Parameter, ParameterBlock, limits_of
+from .parameter_block import IDEAL, Parameter, ParameterBlock, limits_of
 from .sandwich import SINGULAR, Groups, sandwich, shown_once, solve_scaled, step_of
 
 _TEMPERATURES = (0.0, 80.0)  # [degC]

@@ -17,7 +17,7 @@ from frictionid.friction import Friction, present
 from frictionid.friction.provenance import Bands, Diagnostics, Estimate, Estimates
 
 from .one_step.residual import Problem
-from .parameters.parameter_block import IDEAL, Parameter
+from .parameter_block import IDEAL, Parameter
 
 _NORMAL = 1.96, 1.645  # half-widths of 95 and 90 % over standard errors
 _DRAWS = 2000

@@ -21,14 +21,14 @@ from .covariance import grouped_covariance, least_significant
 from .fit import Covariance
 from .gauss_newton import box_step
 from .one_step.one_step_fit import CLEAR, KNOWN
-from .parameters.blocks import FrictionBlock
-from .parameters.parameter_block import (
+from .parameter_block import (
     IDEAL,
     Key,
     Parameter,
     ParameterBlock,
     limits_of,
 )
+from .parameters import FrictionBlock
 from .sandwich import Groups, solve_scaled
 
 F = TypeVar("F")

@@ -9,7 +9,7 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 from frictionid.arrays import Array, rows_by, stretches
 
 from .gauss_newton import scaled_inverse
-from .parameters.parameter_block import Parameter, limits_of
+from .parameter_block import Parameter, limits_of
 
 FEW = 4  # recordings: of fewer, stretches of time are the clusters
 STRETCHES = 24  # of recordings, together or of three of them

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from frictionid.fitting.parameters.parameter_block import IDEAL
+from frictionid.fitting.parameter_block import IDEAL
 from frictionid.friction.provenance import Estimate, Estimates
 
 from .numbers import (

@@ -21,8 +21,8 @@ from frictionid.evaluation.statistics import effective_parameters
 from frictionid.fitting.identifiers import LeastSquares, SINDy
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.one_step.one_step_fit import covariance_of_fit, one_step_fit
+from frictionid.fitting.parameter_block import values_of, with_values
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
-from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.fitting.shooting.stages import prepare_fit

@@ -9,7 +9,8 @@ from scipy.special import stdtrit
 from frictionid.data.calibration import Calibration
 from frictionid.fitting import sandwich as module
 from frictionid.fitting.covariance import grouped_covariance, meaningless
-from frictionid.fitting.parameters import Estimate, FrictionBlock
+from frictionid.fitting.parameter_block import Estimate
+from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.sandwich import (
     Groups,
     clusters_of,

@@ -7,7 +7,7 @@ from fixtures.mistakes import changes, rows
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from frictionid.fitting.parameters.parameter_block import IDEAL
+from frictionid.fitting.parameter_block import IDEAL
 from frictionid.report.shooting_results import (
     delay_explains,
     delay_fixed,

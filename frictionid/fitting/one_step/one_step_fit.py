@@ -18,7 +18,7 @@ from frictionid.friction import Friction, present
 from ..fit import Covariance, Fit
 from ..gauss_newton import Conditions
 from ..identifier import Identifier
-from ..parameters.parameter_block import Parameter
+from ..parameter_block import Parameter
 from .linearised import Linearised, clusters
 from .residual import Problem, normalised
 

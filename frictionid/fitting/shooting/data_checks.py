@@ -18,7 +18,7 @@ from frictionid.friction.provenance import OddRecording
 from frictionid.mechanics.plant import base_by_rotors
 
 from ..fit import Covariance
-from ..parameters.parameter_block import Estimate, Parameter, ParameterBlock
+from ..parameter_block import Estimate, Parameter, ParameterBlock
 from .sample_intervals import Intervals, cut_windows
 from .windows import Solution
 

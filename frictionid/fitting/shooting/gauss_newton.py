@@ -19,7 +19,7 @@ from frictionid.errors import NoFitError
 from frictionid.progress import report_step
 
 from ..gauss_newton import box_step, scaled_inverse
-from ..parameters.parameter_block import (
+from ..parameter_block import (
     Estimate,
     Parameter,
     reach,

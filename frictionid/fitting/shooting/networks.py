@@ -21,13 +21,13 @@ from frictionid.errors import needs
 from frictionid.friction import Friction, Inputs, LawParameter, Memory
 from frictionid.mechanics import Mechanism
 
-from ..parameters.blocks import FrictionBlock
-from ..parameters.parameter_block import (
+from ..parameter_block import (
     Estimate,
     Parameter,
     ParameterBlock,
     Values,
 )
+from ..parameters import FrictionBlock
 from .network_curves import curve_of, distance, has_curve, network_of
 from .sample_intervals import Intervals, logged_torque
 

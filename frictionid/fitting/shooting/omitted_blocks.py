@@ -9,6 +9,7 @@ from scipy.special import stdtr  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 
+from ..parameter_block import ParameterBlock
 from ..parameters import (
     BacklashBlock,
     BiasBlock,
@@ -17,7 +18,6 @@ from ..parameters import (
     OffsetBlock,
     TargetDelayBlock,
 )
-from ..parameters.parameter_block import ParameterBlock
 from ..sandwich import sandwich, shown_once, solve_scaled, step_of
 from .data_checks import telling
 from .problem import shooting_problem

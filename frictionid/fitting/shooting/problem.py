@@ -19,7 +19,7 @@ from frictionid.friction.coordinates import at_places, of_last_joints
 from frictionid.friction.law import check_temperature
 from frictionid.mechanics import Plant
 
-from ..parameters.parameter_block import (
+from ..parameter_block import (
     Estimate,
     FreeBlock,
     Limits,

@@ -26,7 +26,7 @@ from ..identifier import Identifier
 from ..one_step.formulation import INTEGRAL, Recipe, TrainingData
 from ..one_step.one_step_fit import checked, checked_fit, one_step_fit
 from ..one_step.residual import Problem
-from ..parameters import ParameterBlock
+from ..parameter_block import ParameterBlock
 from .refine import fit_blocks
 from .sample_intervals import Intervals
 from .servo import has_actuator

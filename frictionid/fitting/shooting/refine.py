@@ -19,8 +19,8 @@ from ..fit import Covariance, Fit
 from ..neutral import at_neutral_bound, freed, sentences_of, with_held
 from ..one_step.formulation import states_of
 from ..one_step.torque_outliers import without_torque_outliers
-from ..parameters.blocks import on_support
-from ..parameters.parameter_block import ParameterBlock
+from ..parameter_block import ParameterBlock
+from ..parameters import on_support
 from ..sandwich import worth
 from .data_checks import (
     explained,

@@ -26,13 +26,13 @@ from frictionid.data.signals import Signal, sample
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 
-from ..parameters.blocks import MOTOR
-from ..parameters.parameter_block import (
+from ..parameter_block import (
     Estimate,
     FreeBlock,
     Parameter,
     ParameterBlock,
 )
+from ..parameters import MOTOR
 from .sample_intervals import Intervals, ServoGroup, on_one_clock
 
 _SHARE = 1e-4  # of a constant, by which it is changed for a difference

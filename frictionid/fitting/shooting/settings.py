@@ -13,7 +13,8 @@ from frictionid.data.signals import holds
 from frictionid.errors import InputError
 from frictionid.friction import Law
 
-from ..parameters.blocks import (
+from ..parameter_block import ParameterBlock
+from ..parameters import (
     BacklashBlock,
     BiasBlock,
     DelayBlock,
@@ -22,7 +23,6 @@ from ..parameters.blocks import (
     OffsetBlock,
     TargetDelayBlock,
 )
-from ..parameters.parameter_block import ParameterBlock
 
 WINDOWS = (5 / 60, 10 / 60, 20 / 60)
 _RATE = 30.0  # [Hz]

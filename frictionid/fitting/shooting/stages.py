@@ -19,7 +19,7 @@ from frictionid.friction.provenance import Dropped
 
 from ..neutral import Idle, LocalCost, Unknown, at_neutral, followed, holding_unknown, parts_of
 from ..one_step.one_step_fit import CLEAR
-from ..parameters.parameter_block import (
+from ..parameter_block import (
     IDEAL,
     Estimate,
     Key,

@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 
-from ..parameters.parameter_block import Estimate
+from ..parameter_block import Estimate
 from .problem import ShootingProblem
 from .windows import (
     AT_ONCE,

@@ -8,7 +8,7 @@ from frictionid.arrays import Array
 
 from ..covariance import grouped_covariance
 from ..fit import Covariance
-from ..parameters.parameter_block import Estimate, values_of
+from ..parameter_block import Estimate, values_of
 from ..sandwich import Groups, clusters_of
 from .problem import Linearisation, ShootingProblem
 from .sample_intervals import Intervals

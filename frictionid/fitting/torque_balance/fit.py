@@ -31,9 +31,15 @@ from ..neutral import (
 )
 from ..one_step.one_step_fit import checked_fit
 from ..one_step.residual import data_range
-from ..parameters import InertiaBlock, ParameterBlock
-from ..parameters.blocks import AnyInertia, on_support
-from ..parameters.parameter_block import Estimate, free_blocks, values_of, with_excess, with_values
+from ..parameter_block import (
+    Estimate,
+    ParameterBlock,
+    free_blocks,
+    values_of,
+    with_excess,
+    with_values,
+)
+from ..parameters import AnyInertia, InertiaBlock, on_support
 from ..sandwich import STRETCHES, Groups, clusters_of, excess_of
 from .solve import (
     TorqueProblem,

@@ -10,7 +10,8 @@ from frictionid.arrays import Array
 from ..fit import Fit
 from ..identifier import Identifier
 from ..one_step.formulation import INTEGRAL, Recipe
-from ..parameters import BiasBlock, DelayBlock, FrictionBlock, InertiaBlock, ParameterBlock
+from ..parameter_block import ParameterBlock
+from ..parameters import BiasBlock, DelayBlock, FrictionBlock, InertiaBlock
 from ..shooting.recipe import ShootingData, with_folds
 from ..shooting.settings import applicable
 from .fit import fit_torques

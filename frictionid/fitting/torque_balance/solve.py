@@ -21,7 +21,7 @@ from frictionid.mechanics.rigid_body.rigid_body_tree import (
 from ..gauss_newton import Conditions, minimum
 from ..neutral import Unknown
 from ..one_step.linearised import Linearised
-from ..parameters.parameter_block import (
+from ..parameter_block import (
     Estimate,
     FreeBlock,
     Limits,

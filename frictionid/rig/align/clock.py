@@ -20,7 +20,8 @@ from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.fitting.one_step.formulation import INTEGRAL, states_of, training_problem
-from frictionid.fitting.parameters import Estimate, FrictionBlock, InertiaBlock, ParameterBlock
+from frictionid.fitting.parameter_block import Estimate, ParameterBlock
+from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import (
     Intervals,
     Settings,

@@ -12,8 +12,8 @@ import numpy as np
 from frictionid.arrays import Array, usual_step
 from frictionid.data.calibration import Calibration
 from frictionid.data.signals import Signal
-from frictionid.fitting.parameters import DelayBlock, Estimate, Parameter, ParameterBlock
-from frictionid.fitting.parameters.parameter_block import free_blocks
+from frictionid.fitting.parameter_block import Estimate, Parameter, ParameterBlock, free_blocks
+from frictionid.fitting.parameters import DelayBlock
 from frictionid.fitting.sandwich import Groups, sandwich, step_of
 from frictionid.fitting.shooting import (
     Intervals,

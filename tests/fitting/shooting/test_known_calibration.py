@@ -20,8 +20,8 @@ from frictionid.fitting.covariance import least_significant
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.parameter_block import Parameter
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock, InertiaBlock
-from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting, refine
 from frictionid.fitting.shooting.recipe import known_calibration
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, applicable

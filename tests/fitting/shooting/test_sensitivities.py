@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
+from frictionid.fitting.parameter_block import values_of
 from frictionid.fitting.parameters import (
     BiasBlock,
     DelayBlock,
@@ -22,7 +23,6 @@ from frictionid.fitting.parameters import (
     InertiaBlock,
     OffsetBlock,
 )
-from frictionid.fitting.parameters.parameter_block import values_of
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.data_checks import angle_noise
 from frictionid.fitting.shooting.sample_intervals import intervals_of

@@ -17,6 +17,7 @@ from frictionid.data.signals import Signal, sample, taken
 from frictionid.data.state_estimators import States
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.prepared import with_calibration
+from frictionid.fitting.parameter_block import values_of
 from frictionid.fitting.parameters import (
     ActuatorBlock,
     BiasBlock,
@@ -26,7 +27,6 @@ from frictionid.fitting.parameters import (
     InertiaBlock,
     OffsetBlock,
 )
-from frictionid.fitting.parameters.parameter_block import values_of
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.fitting.shooting.servo import ServoMotion, drive_of, torque_signal

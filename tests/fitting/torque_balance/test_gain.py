@@ -17,8 +17,8 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
+from frictionid.fitting.parameter_block import Estimate
 from frictionid.fitting.parameters import FrictionBlock, GainBlock, InertiaBlock
-from frictionid.fitting.parameters.parameter_block import Estimate
 from frictionid.fitting.torque_balance import (
     InverseDynamics,
     TorqueSettings,

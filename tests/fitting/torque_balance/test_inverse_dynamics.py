@@ -21,6 +21,12 @@ from frictionid.data.plants import plant_of
 from frictionid.data.state_estimators import RTS, States
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.parameter_block import (
+    Estimate,
+    free_blocks,
+    values_of,
+    with_values,
+)
 from frictionid.fitting.parameters import (
     BiasBlock,
     DelayBlock,
@@ -28,13 +34,7 @@ from frictionid.fitting.parameters import (
     GainBlock,
     InertiaBlock,
     OffsetBlock,
-)
-from frictionid.fitting.parameters.blocks import heaviest_rotors
-from frictionid.fitting.parameters.parameter_block import (
-    Estimate,
-    free_blocks,
-    values_of,
-    with_values,
+    heaviest_rotors,
 )
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings, torque_balance
 from frictionid.fitting.torque_balance.solve import TorqueProblem
