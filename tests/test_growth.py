@@ -13,7 +13,7 @@ from frictionid.data.readers import csv_table, table
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, KalmanFilter
-from frictionid.dynamics.tangent import end_states
+from frictionid.dynamics import end_states
 from frictionid.evaluation.scoring import held_out_residual
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem

@@ -8,9 +8,9 @@ from fixtures.random_robots import mechanism as robot
 from fixtures.steps import looped
 from test_compiled_step import LAWS, MECHANISMS
 
-from frictionid.dynamics.tangent import end_states as sensitivities
-from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
-from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
+from frictionid.dynamics import end_states as sensitivities
+from frictionid.dynamics.law_derivatives import FreeTheta, reads_of
+from frictionid.dynamics.tangent import MotionModel, MotorTorque
 from frictionid.friction import Friction, Inputs
 from frictionid.friction import laws as known
 from frictionid.friction.coordinates import at_places

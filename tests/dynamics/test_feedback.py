@@ -7,12 +7,12 @@ import pytest
 from fixtures.steps import looped
 from scipy.integrate import solve_ivp
 
+from frictionid.dynamics import end_states as sensitivities
+from frictionid.dynamics.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
-from frictionid.dynamics.tangent import end_states as sensitivities
-from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
-from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
+from frictionid.dynamics.tangent import MotionModel, MotorTorque
 from frictionid.friction import Friction, Inputs
 from frictionid.friction import laws as known
 from frictionid.mechanics import Plant, double_pendulum, pendulum

@@ -5,7 +5,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.programs.machine_code import called, compiled, run_at
 
-from ..tangent.tangent import MotionModel, MotorTorque, advance_in_pieces
+from ..tangent import MotionModel, MotorTorque, advance_in_pieces
 from .loops import begin_substep, copy, in_one, rows_of_numbers, substep
 from .tangent import TangentMachine
 
@@ -19,7 +19,7 @@ def advance_compiled(
     dt: Array,
     parts: int,
 ) -> None:
-    """Advance states (K, s) and derivatives T (K, s, D), in place, see `tangent.end_states`."""
+    """Advance states (K, s) and derivatives T (K, s, D), in place, see `dynamics.end_states`."""
     K, size = nodes.shape
 
     def rows(x: Array, *shape: int) -> Array:

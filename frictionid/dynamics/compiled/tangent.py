@@ -15,9 +15,9 @@ from frictionid.programs.machine_code import machine_code
 from frictionid.programs.program import Operand, Program, needed, with_derivatives
 from frictionid.programs.trace import without_zeros
 
+from ..law_derivatives import FreeTheta, Slopes
 from ..state import State
-from ..tangent.law_derivatives import FreeTheta, Slopes
-from ..tangent.tangent import (
+from ..tangent import (
     MemoryRates,
     MotionModel,
     advanced,

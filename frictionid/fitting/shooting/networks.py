@@ -15,8 +15,8 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.data.calibration import Calibration, calibrated_plant
+from frictionid.dynamics.law_derivatives import FreeTheta, SmoothedLaw, TensorLaw
 from frictionid.dynamics.state import Instant, State
-from frictionid.dynamics.tangent.law_derivatives import FreeTheta, SmoothedLaw, TensorLaw
 from frictionid.errors import needs
 from frictionid.friction import Friction, Inputs, LawParameter, Memory
 from frictionid.mechanics import Mechanism

@@ -10,10 +10,10 @@ from frictionid.arrays import Array, inverse
 from frictionid.data.calibration import calibrated_dataset, calibrated_plant
 from frictionid.data.integrals import pieces_of
 from frictionid.data.signals import sample
+from frictionid.dynamics.end_states import end_states, memory_after_sample
+from frictionid.dynamics.law_derivatives import FreeTheta, LawReads, reads_of
 from frictionid.dynamics.step_size import halved, step_size_of
-from frictionid.dynamics.tangent.end_states import end_states, memory_after_sample
-from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads, reads_of
-from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
+from frictionid.dynamics.tangent import MotionModel, MotorTorque
 from frictionid.friction import Inputs, Nodes, memory_at_nodes
 from frictionid.friction.coordinates import at_places, of_last_joints
 from frictionid.friction.law import check_temperature

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.dynamics.end_states import end_states
+from frictionid.dynamics.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.state import State, state_of
 from frictionid.dynamics.step_size import halved, step_size_of
-from frictionid.dynamics.tangent.end_states import end_states
-from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
-from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
+from frictionid.dynamics.tangent import MotionModel, MotorTorque
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.coordinates import at_places
 from frictionid.friction.wrapped import held

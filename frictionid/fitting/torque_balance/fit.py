@@ -8,7 +8,7 @@ import numpy as np
 from frictionid.arrays import Array, stretches
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
-from frictionid.dynamics.tangent.law_derivatives import reads_of
+from frictionid.dynamics.law_derivatives import reads_of
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction, Inputs, Law, along, constraints_of
 from frictionid.friction.coordinates import is_coupled_by_load, with_units_of

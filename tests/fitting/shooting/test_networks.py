@@ -12,7 +12,7 @@ from fixtures.memory_laws import Sampled
 from fixtures.true_curves import curve_errors
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.dynamics.tangent.law_derivatives import TensorLaw
+from frictionid.dynamics.law_derivatives import TensorLaw
 from frictionid.evaluation import Protocol, prepare, score_model, score_value
 from frictionid.evaluation.curves import curves, steady_state
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock

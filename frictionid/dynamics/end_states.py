@@ -13,12 +13,11 @@ from frictionid.dynamics import step
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, torque_map
 
-from ..compiled.end_states import advance_compiled
-from ..compiled.loops import are_many
-from ..compiled.tangent import tangent_machine_of
-from ..state import Instant, State, state_of
-from ..torque_balance import constrained
+from .compiled.end_states import advance_compiled
+from .compiled.loops import are_many
+from .compiled.tangent import tangent_machine_of
 from .law_derivatives import FreeTheta, by_input, by_memory, by_theta, slopes
+from .state import Instant, State, state_of
 from .tangent import (
     MemoryRates,
     MotionModel,
@@ -33,6 +32,7 @@ from .tangent import (
     middle,
     without_held,
 )
+from .torque_balance import constrained
 
 COMPILED = 64  # pieces of intervals of two joints: fewer are done before loops are compiled
 

@@ -26,10 +26,10 @@ from frictionid.friction import Friction
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.mechanics import Partials, Plant
 
-from ..state import Instant, State
-from ..torque_balance import braked, inverse_of_free
-from ..zero_crossing import Crossing
 from .law_derivatives import FreeTheta, LawReads, Slopes
+from .state import Instant, State
+from .torque_balance import braked, inverse_of_free
+from .zero_crossing import Crossing
 
 _GRAZE = 0.1  # of a slow speed
 

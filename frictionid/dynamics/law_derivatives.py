@@ -12,8 +12,8 @@ from frictionid.friction.coordinates import is_coupled_by_load, of_parts, torque
 from frictionid.friction.wrapped import WrappedLaw
 from frictionid.mechanics import Plant
 
-from ..state import Instant, State
-from ..torque_balance import (
+from .state import Instant, State
+from .torque_balance import (
     Stiction,
     least_sliding_speed,
     sharpened,
