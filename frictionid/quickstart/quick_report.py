@@ -15,7 +15,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import Loss
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import finite_json
-from frictionid.fitting.shooting.omitted_blocks import NOT_FREE
+from frictionid.fitting.shooting.refine import NOT_FREE
 from frictionid.friction import Friction
 from frictionid.friction.laws.levels import LOAD, LOSS
 from frictionid.friction.provenance import Estimate, Estimates

@@ -1,4 +1,4 @@
-"""The derivatives of the compiled step: programs of what `tangent.tangent` computes of arrays."""
+"""The derivatives of the compiled step: programs of what `dynamics.tangent` computes of arrays."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import stdtr  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.data.plants import plant_of
@@ -20,23 +21,34 @@ from ..neutral import at_neutral_bound, freed, sentences_of, with_held
 from ..one_step.formulation import states_of
 from ..one_step.torque_outliers import without_torque_outliers
 from ..parameter_block import ParameterBlock
-from ..parameters import on_support
-from ..sandwich import worth
+from ..parameters import (
+    BacklashBlock,
+    BiasBlock,
+    DelayBlock,
+    InertiaBlock,
+    OffsetBlock,
+    TargetDelayBlock,
+    on_support,
+)
+from ..sandwich import Groups, sandwich, shown_once, solve_scaled, step_of, worth
 from .data_checks import (
     explained,
     no_plateau,
     odd_recordings,
     odd_sentences,
+    telling,
     wanders,
     warnings_of,
 )
 from .gauss_newton import step_with_windows
 from .networks import as_given
-from .omitted_blocks import omitted_blocks, widened
+from .problem import shooting_problem
 from .sample_intervals import Intervals, intervals_of
+from .servo import has_actuator, with_servo
 from .settings import DEFAULT_BLOCKS, Settings, applicable
 from .stages import Stage, begun, solved, that_may_be_free, with_neutral
-from .windows import Solution
+from .window_steps import linearised_at
+from .windows import Solution, eliminate_states
 
 _LENGTHS = (0.5, 0.7, 1.5)  # times those of the fit's windows
 
@@ -249,3 +261,120 @@ def _segments(solution: Solution, which: Array, size: Array) -> tuple[Segment, .
         end = float(intervals.time[rows[-1]] + intervals.dt[rows[-1]])
         out.append(Segment(name, float(intervals.time[rows[0]]), end, float(size[w])))
     return tuple(out)
+
+
+# --- Errors of the model that blocks which were not free would explain ----------------------------
+
+OFFERED: tuple[ParameterBlock, ...] = (InertiaBlock(), DelayBlock(), BiasBlock(), OffsetBlock())
+OF_SERVOS: tuple[ParameterBlock, ...] = (
+    InertiaBlock(),
+    TargetDelayBlock(),
+    BacklashBlock(),
+    BiasBlock(),
+    OffsetBlock(),
+)
+NOT_FREE = "Not free, and would show"
+_CLEAR = 0.01  # p-value of a block that would show
+_OWN = 1e-6  # of a parameter's information that no other one shares, or it is no question
+
+
+def omitted_blocks(
+    solution: Solution, tested: Sequence[str] = ()
+) -> tuple[Array | float, tuple[str, ...]]:
+    """What blocks that show, and were not free, do to parameters: covariance (D, D), and words.
+
+    They would differ significantly from what they were held at, if they were free, and parameters
+    may lie anywhere between both settings.
+
+    Of inertia, delay, bias and offset, of servos the targets' delay and backlash in place of the
+    delay, all are freed, and the least significant one is left out until all show: by one
+    Gauss-Newton step from the normal equations of all of them, with p-values by the covariance
+    between recordings, times the number of the block's parameters.
+
+    tested : names of blocks that the fit has left out after a test
+    """
+    problem = solution.problem
+    fitted = tuple(free.block for free in problem.blocks)
+    network = solution.estimate.friction.law.is_network
+    motors = {b.name for b in fitted if b.enters == "actuator"} == {"actuator"}
+    if network or motors or not problem.count:
+        return 0.0, ()
+    offered = _that_may_be_free(solution, fitted, tested)
+    if not offered:
+        return 0.0, ()
+    wider = widened(solution, (*fitted, *offered))
+    if not np.isfinite(wider.normal.H[wider.closed]).all():
+        return 0.0, ()
+    H = wider.curvature + np.diag(wider.problem.limits.precision)
+    g, parameters = wider.normal.g[wider.closed].sum(axis=0), wider.problem.parameters
+    block, place = (
+        np.array([p.block for p in parameters]),
+        {p.name: k for k, p in enumerate(parameters)},
+    )
+    before = np.array([place[p.name] for p in problem.parameters])
+    names = tuple(b.name for b in offered)
+    while names:
+        free = np.isin(block, names)
+        free[before] = True  # they may leave their bounds now
+        move = step_of(H, g, free)
+        groups = wider.groups._replace(move=move, free=free)
+        p = _p_values(H, groups, [block == name for name in names])
+        worst = int(np.argmax(p))
+        if p[worst] < _CLEAR:
+            alone = np.zeros(len(block), dtype=bool)
+            alone[before] = solution.free
+            shift, pairs = (move - step_of(H, g, alone))[before], zip(names, p, strict=True)
+            each = ", ".join(f"{name!r} (p = {p_value:.1g})" for name, p_value in pairs)
+            words = f"{NOT_FREE}: {each}. Intervals hold what that would change; "
+            return np.outer(shift, shift) / 3.0, (f"{words}free them.",)
+        names = (*names[:worst], *names[worst + 1 :])
+    return 0.0, ()
+
+
+def widened(solution: Solution, blocks: tuple[ParameterBlock, ...]) -> Solution:
+    """The solution with more blocks, and normal equations of all windows, as much as each counts.
+
+    Its step and what is free are still those of the fit.
+    """
+    s, intervals = solution, solution.problem.intervals
+    estimate = with_servo(s.estimate, intervals.dataset, blocks)
+    problem = shooting_problem(intervals, estimate, blocks, s.problem.settings, s.problem)
+    point = linearised_at(problem, s.windows, estimate, s.nodes, s.sigma)
+    normal = eliminate_states(point.prediction, s.weight, s.sigma, point.prior).weighted(s.counts)
+    return s._replace(problem=problem, estimate=estimate, normal=normal)
+
+
+def _that_may_be_free(
+    solution: Solution, fitted: tuple[ParameterBlock, ...], tested: Sequence[str]
+) -> tuple[ParameterBlock, ...]:
+    """Blocks that are not free and may be, all together."""
+    names = [*(b.name for b in fitted), *tested]
+    estimate, intervals = solution.estimate, solution.problem.intervals
+    driven = has_actuator(fitted)
+    if driven:
+        estimate = with_servo(estimate, intervals.dataset, OF_SERVOS)
+    offered = [b for b in (OF_SERVOS if driven else OFFERED) if b.name not in names]
+    return telling(fitted, offered, estimate, intervals)[len(fitted) :]
+
+
+def _p_values(H: Array, groups: Groups, blocks: Sequence[Array]) -> list[float]:
+    """P-value of each freed block (D,); one where the others account for all that it shows."""
+    free, move = groups.free, groups.move
+    shown = free & ~shown_once(H, groups)
+    error = np.full(len(free), np.inf)
+    error[shown] = np.sqrt(np.diag(sandwich(H, groups._replace(free=shown))))
+    freedom = max(len(np.unique(groups.cluster)) - 1, 1)
+    p = []
+    for members in blocks:
+        size = float((np.abs(move[members]) / np.maximum(error[members], 1e-300)).max())
+        alone = _shared(H, free, members) <= 1.0 - _OWN
+        p.append(min(1.0, 2 * float(stdtr(freedom, -size)) * int(members.sum())) if alone else 1.0)
+    return p
+
+
+def _shared(H: Array, free: Array, members: Array) -> float:
+    """Largest share of the information on a parameter of a block that others account for."""
+    rest, keep = np.flatnonzero(free & ~members), np.flatnonzero(members)
+    cross = H[np.ix_(rest, keep)]
+    explained = np.diag(cross.T @ solve_scaled(H[np.ix_(rest, rest)], cross))
+    return float((explained / np.maximum(np.diag(H)[keep], 1e-300)).max())
