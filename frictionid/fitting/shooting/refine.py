@@ -307,10 +307,8 @@ def omitted_blocks(
         return 0.0, ()
     H = wider.curvature + np.diag(wider.problem.limits.precision)
     g, parameters = wider.normal.g[wider.closed].sum(axis=0), wider.problem.parameters
-    block, place = (
-        np.array([p.block for p in parameters]),
-        {p.name: k for k, p in enumerate(parameters)},
-    )
+    block = np.array([p.block for p in parameters])
+    place = {p.name: k for k, p in enumerate(parameters)}
     before = np.array([place[p.name] for p in problem.parameters])
     names = tuple(b.name for b in offered)
     while names:
