@@ -18,7 +18,7 @@ from frictionid.config import Count, NotNegative, Positive, validated
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Law, at_rest
 from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.ensemble import together
+from frictionid.friction.laws.mlp import together
 from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 
 from ..identifier import Identifier

@@ -17,8 +17,7 @@ from frictionid.arrays import Array
 from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError, needs
 from frictionid.friction import Friction, Law
-from frictionid.friction.laws.ensemble import together
-from frictionid.friction.laws.mlp import MLP
+from frictionid.friction.laws.mlp import MLP, together
 from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 from frictionid.friction.laws.state_laws import StateNetworkLaw
 

@@ -4,12 +4,11 @@ from .check_law import check_law
 from .cogging import Cogging
 from .combined import PerJoint, Sum
 from .curves import Spline, Table
-from .ensemble import Ensemble
 from .external import TorchModule
 from .levels import NoFriction
 from .library import Library
 from .load import GearLoad, LoadDependent, MotorLoad
-from .mlp import LSTM, MLP, WindowMLP
+from .mlp import LSTM, MLP, Ensemble, WindowMLP
 from .play import Play
 from .relaxing import Dahl, FilmLag, LuGre
 from .ripple import Ripple
