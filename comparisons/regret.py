@@ -29,11 +29,11 @@ from script import call
 
 import frictionid as fid
 from frictionid.api.evaluate import scores_of
+from frictionid.comparison.training_set import Method
 from frictionid.data.readers.dataset import load_dataset, within
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
-from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.parameter_block import ParameterBlock
 from frictionid.fitting.parameters import (

@@ -17,12 +17,12 @@ from frictionid.comparison.results import results_in_memory
 from frictionid.comparison.suite import NamedIdentifier, tasks_on
 from frictionid.comparison.suite_recipes import usual_recipe, usual_sample_time
 from frictionid.comparison.tasks import Outcome, Task, results_of
+from frictionid.comparison.training_set import Method
 from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, NoFitError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds, protocol_for
 from frictionid.evaluation.folds import usual_kind
-from frictionid.fitting.method import Method
 from frictionid.friction import Law
 from frictionid.friction.model_files import LAWS
 from frictionid.outputs import check_writable

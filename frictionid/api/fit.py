@@ -14,10 +14,10 @@ from frictionid.comparison.suite_recipes import (
     usual_method,
     usual_sample_time,
 )
+from frictionid.comparison.training_set import Method
 from frictionid.config import checked, nearest
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
-from frictionid.fitting.method import Method
 from frictionid.fitting.shooting.recipe import known_calibration
 from frictionid.friction import Law
 

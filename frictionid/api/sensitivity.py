@@ -13,11 +13,11 @@ from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import provenance_of
 from frictionid.comparison.sensitivity_study import cases_of, run_cases, sensitivity_cases
 from frictionid.comparison.tasks import Task
+from frictionid.comparison.training_set import Method, check_method
 from frictionid.comparison.variations import SensitivitySettings
 from frictionid.config import checked
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.fitting.method import Method, check_method
 from frictionid.outputs import check_unchanged
 from frictionid.pictures import drawn
 from frictionid.progress import Done, say_nothing

@@ -36,12 +36,11 @@ from frictionid.evaluation.score_frame import Score, with_scores
 from frictionid.evaluation.statistics import effective_parameters
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.method import Method, check_method
 from frictionid.fitting.parameter_block import Parameter
 from frictionid.friction import Constraints, Friction
 
 from .fit_model import with_notes
-from .training_set import TrainingSet, training_set
+from .training_set import Method, TrainingSet, check_method, training_set
 
 
 def complexity_score(fit: Fit) -> Score | None:

@@ -28,7 +28,6 @@ from frictionid.evaluation.free_run import free_run, make_trajectory
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.method import Method, check_method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction
@@ -40,7 +39,7 @@ from .equal_joints import (
     sentences,
     with_equal,
 )
-from .training_set import TrainingSet, training_set
+from .training_set import Method, TrainingSet, check_method, training_set
 
 
 def with_notes(fit: Fit, *, intervals: bool = True) -> Friction:

@@ -26,7 +26,6 @@ from frictionid.evaluation import (
     steady_state,
 )
 from frictionid.fitting.identifiers import Frictionless
-from frictionid.fitting.method import Method
 from frictionid.fitting.parameters import InertiaBlock
 from frictionid.fitting.shooting import Shooting
 
@@ -36,6 +35,7 @@ from .processes import side_by_side
 from .result_folder import finished, write_sealed
 from .suite import Suite, tasks_of
 from .tasks import Task, digest_of, file_name
+from .training_set import Method
 from .variations import SensitivitySettings, Variation, variations_of, varied, with_samples
 
 EVERY = 3  # the last of three recordings is held out

@@ -39,7 +39,6 @@ from frictionid.evaluation import (
 from frictionid.files import suite_path
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Published
-from frictionid.fitting.method import Method, check_method
 from frictionid.mechanics import mechanism_of
 
 from .cross_validate import Benchmark
@@ -47,6 +46,7 @@ from .registry import IDENTIFIERS, Kind, built
 from .search_space import Search, Tuning
 from .suite_recipes import Name, RecipeEntry, recipes_of
 from .tasks import Task
+from .training_set import Method, check_method
 from .variations import SensitivitySettings
 
 SPLIT, PROTOCOL = Kind((Split,)), Kind((Protocol,))

@@ -17,7 +17,6 @@ from frictionid.errors import InputError
 from frictionid.evaluation.prepared import usual_interval
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Flexible, Frictionless
-from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.parameter_block import ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
@@ -27,6 +26,7 @@ from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 from frictionid.friction.model_files import load_model
 
 from .registry import BLOCKS, ESTIMATORS, IDENTIFIERS, RECIPES, Kind, built
+from .training_set import Method
 
 Start = Recipe | CalibratedRecipe  # what shooting begins with
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]

@@ -20,7 +20,6 @@ from frictionid.evaluation import HorizonErrors
 from frictionid.files import sha256
 from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.method import Method
 from frictionid.friction import Law
 from frictionid.friction.model_files import model_document
 from frictionid.mechanics import Mechanism
@@ -28,6 +27,7 @@ from frictionid.mechanics import Mechanism
 from .cross_validate import Benchmark, PreparedBenchmark, Result, prepare_benchmark, run
 from .processes import package_digest, side_by_side
 from .result_folder import finished, write_sealed
+from .training_set import Method
 
 FORMAT = 1  # of the result files
 _DIGITS = 7

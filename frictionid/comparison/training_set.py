@@ -1,7 +1,8 @@
-"""Training sets: one data set as recipes fit it, in every fold and as a whole, prepared once."""
+"""Methods of fitting, and what they fit: one data set in every fold and as a whole, made once."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -16,15 +17,53 @@ from frictionid.evaluation import (
     training_of,
     without_physics,
 )
-from frictionid.fitting.method import Method
+from frictionid.fitting.fit import Fit
+from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import Recipe
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import CalibratedRecipe
-from frictionid.fitting.shooting.recipe import PARTS, part_of_calibration
+from frictionid.fitting.shooting.recipe import PARTS, ShootingData, part_of_calibration
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.mechanics import Mechanism
 
 from .processes import side_by_side
+
+
+class Method(Protocol):
+    """A way of fitting: `Recipe`, `Shooting`, `InverseDynamics`, `CalibratedRecipe`, or one's own.
+
+    steps : the one-step recipe that a fit uses or begins with, and others whose problems it needs
+    needs_intervals : whether a fit needs the intervals of the measured angles
+    calibrated : the recipe on corrected data that a fit is or begins with, or None
+    scheme : "euler", "integral", "shooting" or "inverse dynamics"
+    corrects : parts of the calibration that correct the data
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def steps(self) -> tuple[Recipe, ...]: ...
+    @property
+    def needs_intervals(self) -> bool: ...
+    @property
+    def calibrated(self) -> CalibratedRecipe | None: ...
+    @property
+    def scheme(self) -> str: ...
+    @property
+    def corrects(self) -> tuple[str, ...]: ...
+
+    def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
+        """The identifier's friction of all folds and of all data; InputError where that fails."""
+        ...
+
+
+def check_method(method: Method, identifier: Identifier) -> None:
+    """Refuse identifiers that use no mechanism where a method needs one."""
+    if method.needs_intervals and not identifier.uses_mechanism:
+        raise InputError(
+            f"recipe {method.name!r}: shooting needs the physics that a black box lacks: give it "
+            'recipes = ["integral"], or another one-step recipe'
+        )
 
 
 @dataclass(frozen=True, eq=False)

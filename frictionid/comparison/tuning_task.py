@@ -15,7 +15,6 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import run_edges, taken
 from frictionid.errors import InputError, located
 from frictionid.evaluation import Protocol, Split, make_folds, score_value
-from frictionid.fitting.method import Method
 
 from .cross_validate import Benchmark, PreparedBenchmark, run
 from .registry import IDENTIFIERS
@@ -23,6 +22,7 @@ from .search_space import Objective, Space
 from .suite import IdentifierEntry, Suite, benchmarks_of, identifier_of, used_recipes
 from .suite_recipes import recipes_of
 from .tasks import Task
+from .training_set import Method
 
 NEVER = 1e6  # [s] between starts: one in each recording, where no rollout is asked for
 
