@@ -86,13 +86,6 @@ class Parameter(NamedTuple):
 Values = Sequence[tuple[Parameter, float]]  # new values of free parameters
 
 
-class Logged(NamedTuple):
-    """Motor torque (..., n) as it was logged, delayed, and its derivative by the delay."""
-
-    torque: Array
-    by_delay: Array
-
-
 @dataclass(frozen=True)
 class ParameterBlock(ABC):
     """Some of the parameters of a fit, free but for those whose names are `fixed`.
@@ -172,12 +165,16 @@ class ParameterBlock(ABC):
                 new[place] = value
         return self.with_numbers(estimate, new)
 
-    def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:
+    def torque_slope(
+        self, estimate: Estimate, free: Sequence[Parameter], u: Array, by_delay: Array
+    ) -> Array:
         """Derivatives (E, ..., n) of the motor torque by the block's E free parameters.
 
         None, (0, ..., n), for a block that does not change the torque.
+
+        u (..., n) : the torque as it was logged, delayed; by_delay : its derivative by the delay
         """
-        return np.empty((0, *u.torque.shape))
+        return np.empty((0, *u.shape))
 
 
 def check_fixed(fixed: Sequence[str], names: Sequence[str], what: str, block: str) -> None:

@@ -6,7 +6,7 @@ u = controller(q*(t - target_delay), q - z, w),   dz = dq while |z| < backlash/2
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -17,7 +17,7 @@ from frictionid.errors import InputError
 from frictionid.friction import DataRange, Friction, constraints_of, present
 from frictionid.mechanics import Mechanism, configurations
 
-from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, check_fixed
+from .parameter_block import FREE, Estimate, Parameter, ParameterBlock, check_fixed
 
 MOTOR = ("kt", "R")
 _UNITS = ("N m/A", "Ohm")
@@ -86,11 +86,13 @@ def on_support(blocks: Sequence[ParameterBlock], friction: Friction) -> tuple[Pa
 class InertiaBlock(ParameterBlock):
     """Base parameters; the inertia of a rotor does not become negative.
 
-    M(q) stays positive definite for all q, see `inside`. Tolerances of the mechanism are priors
-    about the nominal values. A prior is relative to each value; of a
-    value that is zero, to the mean size of those with the same unit.
+    M(q) stays positive definite for all q, see `inside`, where it must be `definite`: many that
+    nothing determines would hold the others up. Tolerances of the mechanism are priors about the
+    nominal values. A prior is relative to each value; of a value that is zero, to the mean size of
+    those with the same unit.
     """
 
+    definite: bool = field(default=True, repr=False)
     name, enters, part, relative = "inertia", "base", "base", True
 
     def names(self, estimate: Estimate) -> tuple[Sequence[str], str]:
@@ -118,14 +120,8 @@ class InertiaBlock(ParameterBlock):
             yield Parameter(self.name, name, unit, value, low, high, tolerance, (i,), mean)
 
     def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
-        return super().with_numbers(estimate, inside(estimate.mechanism, numbers))
-
-
-class AnyInertia(InertiaBlock):
-    """Base parameters, whatever M(q): many that nothing determines would hold the others up."""
-
-    def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
-        return ParameterBlock.with_numbers(self, estimate, numbers)
+        base = inside(estimate.mechanism, numbers) if self.definite else numbers
+        return super().with_numbers(estimate, base)
 
 
 def heaviest_rotors(mechanism: Mechanism) -> Array:
@@ -219,8 +215,10 @@ class DelayBlock(_Late):
     most: float = 0.2
     name, enters, label = "delay", "torque", "torque delay"
 
-    def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:
-        return (estimate.calibration.gain * u.by_delay)[None]
+    def torque_slope(
+        self, estimate: Estimate, free: Sequence[Parameter], u: Array, by_delay: Array
+    ) -> Array:
+        return (estimate.calibration.gain * by_delay)[None]
 
 
 class TargetDelayBlock(_Late):
@@ -257,8 +255,10 @@ class GainBlock(_EachJoint):
 
     name, enters, label, low = "gain", "torque", "torque gain", 0.0
 
-    def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:
-        return u.torque * _at_joints(free, u.torque)
+    def torque_slope(
+        self, estimate: Estimate, free: Sequence[Parameter], u: Array, by_delay: Array
+    ) -> Array:
+        return u * _at_joints(free, u)
 
 
 class BiasBlock(_EachJoint):
@@ -266,8 +266,10 @@ class BiasBlock(_EachJoint):
 
     name, enters, label = "bias", "torque", "torque bias"
 
-    def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:
-        return 0.0 * u.torque + _at_joints(free, u.torque)
+    def torque_slope(
+        self, estimate: Estimate, free: Sequence[Parameter], u: Array, by_delay: Array
+    ) -> Array:
+        return 0.0 * u + _at_joints(free, u)
 
 
 class OffsetBlock(_EachJoint):

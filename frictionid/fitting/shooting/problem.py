@@ -23,7 +23,6 @@ from ..parameter_block import (
     Estimate,
     FreeBlock,
     Limits,
-    Logged,
     Parameter,
     ParameterBlock,
     all_parameters,
@@ -245,23 +244,22 @@ class ShootingProblem:
         edges = intervals.time[rows, None] + intervals.dt[rows, None] * share
         edges = edges - calibration.delay
         logged = pieces_of(drive.torque, recording, edges)
-        commanded, recorded = logged.mean, Logged(logged.mean, logged.mean_later)
+        commanded, recorded = logged.mean, (logged.mean, logged.mean_later)
         if loop is not None:  # the controller sees angles as they are recorded
             K, B = np.moveaxis(loop.feedback[rows], 1, 0)
             along = logged.mean - K * loop.q[rows] - B * loop.w[rows]
-            recorded = Logged(along, logged.mean_later + K * loop.w[rows])
+            recorded = along, logged.mean_later + K * loop.w[rows]
             commanded = commanded - K * offset
         u = (calibration.gain * commanded + calibration.bias) * driven
         moment = calibration.gain * logged.moment * driven
 
-        def slope(u: Logged) -> Array:
-            each = (b.block.torque_slope(estimate, b.parameters, u) for b in self.blocks)
-            return np.concatenate([np.empty((0, *u.torque.shape)), *each])
+        def slope(u: Array, by_delay: Array) -> Array:
+            each = (b.block.torque_slope(estimate, b.parameters, u, by_delay) for b in self.blocks)
+            return np.concatenate([np.empty((0, *u.shape)), *each])
 
+        by, still = slope(*recorded), 0.0 * moment
         # without what a bias adds: that has no moment
-        zero = Logged(0.0 * moment, 0.0 * moment)
-        by = slope(recorded)
-        moment_by = slope(Logged(logged.moment, logged.moment_later)) - slope(zero)
+        moment_by = slope(logged.moment, logged.moment_later) - slope(still, still)
         by, moment_by = (np.moveaxis(x * driven, 0, 1) for x in (by, moment_by))
         for above, below, each in drive.changes:
             up, down = (pieces_of(end, recording, edges) for end in (above, below))

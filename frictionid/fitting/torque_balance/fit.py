@@ -39,7 +39,7 @@ from ..parameter_block import (
     with_excess,
     with_values,
 )
-from ..parameters import AnyInertia, InertiaBlock, on_support
+from ..parameters import InertiaBlock, on_support
 from ..sandwich import STRETCHES, Groups, clusters_of, excess_of
 from .solve import (
     TorqueProblem,
@@ -91,9 +91,8 @@ def fit_torques(
     blocks = tuple(blocks)
     dropped: list[Dropped] = []
     while True:
-        solution, law = _best(
-            identifier, balance, _with_inertia(AnyInertia, blocks), settings, seed
-        )
+        free = _with_inertia(blocks, definite=False)
+        solution, law = _best(identifier, balance, free, settings, seed)
         solution = _definite(_at_neutral(_weighted(solution)))
         if settings.consistent:
             solution = made_consistent(solution)
@@ -107,15 +106,17 @@ def fit_torques(
 
 
 def _with_inertia(
-    kind: type[InertiaBlock], blocks: Sequence[ParameterBlock]
+    blocks: Sequence[ParameterBlock], *, definite: bool
 ) -> tuple[ParameterBlock, ...]:
-    """The blocks, with base parameters of a kind."""
-    return tuple(kind(**vars(b)) if isinstance(b, InertiaBlock) else b for b in blocks)
+    """The blocks, with base parameters whose M(q) stays positive definite, or any."""
+    return tuple(
+        replace(b, definite=definite) if isinstance(b, InertiaBlock) else b for b in blocks
+    )
 
 
 def _definite(solution: TorqueSolution) -> TorqueSolution:
     """The fit with M(q) positive definite, fitted once more where it is not."""
-    blocks = _with_inertia(InertiaBlock, solution.blocks)
+    blocks = _with_inertia(solution.blocks, definite=True)
     problem = _problem(solution.problem, blocks, solution.estimate)
     values = values_of(problem.at(problem.x), problem.blocks)
     if np.array_equal(values, values_of(solution.estimate, problem.blocks)):
@@ -285,9 +286,8 @@ def _groups(solution: TorqueSolution) -> Groups:
     labels, first = np.unique(stretch, return_index=True)
     each = [solution.normal_equations(rows[stretch == c]) for c in labels]
     H, g = (np.stack(parts) for parts in zip(*each, strict=True))
-    recording = recording[first]
-    cluster = clusters_of(H, recording, labels)
-    return Groups(H, g, np.zeros(g.shape[1]), solution.free, recording, cluster)
+    cluster = clusters_of(H, recording[first], labels)
+    return Groups(H, g, np.zeros(g.shape[1]), solution.free, recording[first], cluster)
 
 
 def check_blocks(

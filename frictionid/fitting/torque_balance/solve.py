@@ -25,7 +25,6 @@ from ..parameter_block import (
     Estimate,
     FreeBlock,
     Limits,
-    Logged,
     Parameter,
     ParameterBlock,
     all_parameters,
@@ -164,7 +163,7 @@ class TorqueProblem:
         out = np.zeros((K, n if wrench is None else n + len(WRENCH), len(self.parameters)))
         of_joints = out[:, :n]  # a view
         pieces = balance.logged(estimate.calibration.delay)
-        u = Logged(pieces.mean[0], pieces.mean_later[0])
+        logged = pieces.mean[0], pieces.mean_later[0]
         for block, parameters, columns in self.blocks:
             if block.enters == "friction":
                 law = Linearised(estimate.friction.law, balance.problem)
@@ -178,8 +177,8 @@ class TorqueProblem:
                 if wrench is not None:
                     out[:, n:, columns] = -wrench.regressor[:, :, which]
             else:
-                by_torque = block.torque_slope(estimate, parameters, u) * estimate.mechanism.motors
-                of_joints[:, :, columns] = np.moveaxis(by_torque, 0, -1)
+                slope = block.torque_slope(estimate, parameters, *logged)
+                of_joints[:, :, columns] = np.moveaxis(slope * estimate.mechanism.motors, 0, -1)
         of_joints /= gain[:, None]
         for block, parameters, columns in self.blocks:
             if block.name == "gain":
