@@ -1,7 +1,6 @@
 """Tests of passivity: energy must fall without input, and friction must hold loads at rest."""
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -67,41 +66,32 @@ def passive_time(measured: Measured) -> float:
 Answer = tuple[bool | None, str]
 
 
-class Rise(NamedTuple):
-    """Largest rise of energy in a passive phase, over its range; recording and start [s]."""
-
-    share: float
-    recording: str
-    start: float
-
-
-def energy_rises(measured: Measured) -> list[Rise]:
+def energy_rises(measured: Measured) -> Iterator[tuple[float, str, float]]:
     """Rise of the nominal mechanism's energy in each passive phase in which energy shows.
 
-    None on a base that moves, which gives and takes energy.
+    The largest, over the range of energy; recording and start [s] of the phase. None on a base that
+    moves, which gives and takes energy.
     """
-    out: list[Rise] = []
     if measured.mechanism.floating:
-        return out
+        return
     top = top_torque(measured)
     for p, (recording, motion) in zip(measured.nominal, measured.pairs, strict=True):
         for phase in passive_phases(recording, motion, top):
             share = energy_rise(measured.mechanism, p, motion, phase)
             if share is not None:
-                out.append(Rise(share, recording.name, float(motion.states.time[phase.start])))
-    return out
+                yield share, recording.name, float(motion.states.time[phase.start])
 
 
 def energy_test(measured: Measured) -> tuple[Answer, Finding | None]:
     """Whether energy falls without input, and a finding where it rises."""
-    rises = energy_rises(measured)
+    rises = list(energy_rises(measured))
     if not rises:
         return (None, "no passive phase in which the energy exceeds its noise"), None
-    worst = max(rises)
-    share = worst.share
+    share, recording, start = max(rises)
     words = f"rises by at most {percent(share)} of its range, {len(rises)} passive phases"
     if share > RISE:
-        return (False, words), finding("energy", {"rise": share}, worst._asdict())
+        where = {"share": share, "recording": recording, "start": start}
+        return (False, words), finding("energy", {"rise": share}, where)
     if share > CLEAR:
         words = f"{words}: too much for a yes, too little for a wrong sign or unit"
     return (None if share > CLEAR else True, words), None
@@ -199,15 +189,9 @@ def gravity_findings(measured: Measured, shares: GravityShares) -> Iterator[Find
         )
 
 
-class _Log(NamedTuple):
-    """Some samples (S,) of a recording's torques, with the angles that a controller knew then.
-
-    torque (S, n) ; q (2, S, n) : angles at these samples, and at the samples before
-    """
-
-    name: str
-    torque: Array
-    q: Array
+# Name of a recording, some samples (S, n) of its torques, and the angles (2, S, n) that a
+# controller knew then: at these samples, and at the samples before.
+_Log = tuple[str, Array, Array]
 
 
 def gravity_shares(dataset: Dataset) -> GravityShares:
@@ -220,7 +204,7 @@ def gravity_shares(dataset: Dataset) -> GravityShares:
     for recording in dataset.recordings:
         if len(recording.torque.time) >= _FEWEST:
             logs.append(_log(recording))
-        if sum(log.q[..., 0].size for log in logs) >= _TOGETHER:
+        if sum(q[..., 0].size for _, _, q in logs) >= _TOGETHER:
             out |= _shares(dataset, logs)
             logs = []
     return out | _shares(dataset, logs) if logs else out
@@ -231,22 +215,22 @@ def _log(recording: Recording) -> _Log:
     keep = slice(None, None, max(len(torque.time) // _SAMPLES, 1))
     time, dt = torque.time[keep], usual_step(torque.time)
     q = np.stack([sample(recording.angle, time - late) for late in (0.0, dt)])
-    return _Log(recording.name, torque.value[keep], q)
+    return recording.name, torque.value[keep], q
 
 
 def _shares(dataset: Dataset, logs: list[_Log]) -> dict[tuple[str, int], float]:
     mechanism, n = dataset.mechanism, dataset.mechanism.n
-    q = np.concatenate([log.q.reshape(-1, n) for log in logs])
+    q = np.concatenate([q.reshape(-1, n) for _, _, q in logs])
     still, any_base = np.zeros_like(q), np.ones((1, len(mechanism.base_names)))
     gravity = mechanism.partials(any_base, q, still, still).by_p
-    ends = np.cumsum([log.q[..., 0].size for log in logs])[:-1]
+    ends = np.cumsum([q[..., 0].size for _, _, q in logs])[:-1]
     out = {}
-    for log, terms in zip(logs, np.split(gravity, ends), strict=True):
+    for (name, torque, _), terms in zip(logs, np.split(gravity, ends), strict=True):
         for j in dataset.driven_joints:
             # a controller computes from the sample before or from this one
-            share = _share(log.torque[:, j], np.split(terms[:, j], 2))
+            share = _share(torque[:, j], np.split(terms[:, j], 2))
             if share is not None:
-                out[log.name, j] = share
+                out[name, j] = share
     return out
 
 

@@ -97,16 +97,16 @@ def regress(rows: Rows, torque: Array, mechanism: Mechanism, nominal: Array) -> 
     error = np.full(len(names), np.inf)
     unidentifiable: tuple[tuple[tuple[str, float], ...], ...] = ()
     if len(at):
-        equations = _Equations(X[..., at], y, rows, size[at])
-        fit = equations.solved()
-        value[at], y = fit.value, y - X[..., at] @ fit.value
+        equations = X[..., at], y, rows, size[at]
+        fitted, of_noise, directions = _solved(*equations)
+        value[at], y = fitted, y - X[..., at] @ fitted
         drifts = [
-            *_drifts(equations, fit, torque, at < len(reference)),
-            _attenuation(torque, y, rows.moving) * fit.value,
+            *_drifts(equations, fitted, torque, at < len(reference)),
+            _attenuation(torque, y, rows.moving) * fitted,
         ]
-        covariance[np.ix_(at, at)] = fit.covariance + sum(np.outer(d, d) for d in drifts)
+        covariance[np.ix_(at, at)] = of_noise + sum(np.outer(d, d) for d in drifts)
         error[at] = np.sqrt(np.maximum(np.diag(covariance)[at], 0.0))
-        unidentifiable = tuple(_named(v, [names[i] for i in at]) for v in fit.unidentifiable)
+        unidentifiable = tuple(_named(v, [names[i] for i in at]) for v in directions)
     else:
         covariance = np.diag(error)
     residual = np.where(rows.moving, y, np.nan)
@@ -114,19 +114,24 @@ def regress(rows: Rows, torque: Array, mechanism: Mechanism, nominal: Array) -> 
     return Estimate(names, value, error, covariance, residual, spread, unidentifiable)
 
 
-def _drifts(equations: "_Equations", fit: "_Solved", torque: Array, is_base: Array) -> list[Array]:
+# Balances of the rows, X x = y [N m], with what counts as one of each parameter: X (K, n, P),
+# y (K, n), the rows, and sizes (P,).
+_Equations = tuple[Array, Array, Rows, Array]
+
+
+def _drifts(equations: _Equations, value: Array, torque: Array, is_base: Array) -> list[Array]:
     """How far the estimates (P,) move where friction is free at low speed, or grows with a torque.
 
     is_base (P,) : of base parameters, the only ones that friction growing with the torque moves
     """
-    rows = equations.rows
-    slowly = equations.beside(friction_columns(rows, SLOW)).value
+    rows = equations[2]
+    slowly, _ = _beside(equations, friction_columns(rows, SLOW))
     # of each joint, in its own balance only
     loaded = (np.abs(torque) * rows.friction[..., 0])[..., None] * np.eye(torque.shape[1])
-    growing = equations.beside(loaded)
-    error = np.sqrt(np.diag(growing.covariance))
-    grown = np.where(is_base, _beyond(fit.value - growing.value, error), 0.0)
-    return [fit.value - slowly, grown]
+    growing, covariance = _beside(equations, loaded)
+    error = np.sqrt(np.diag(covariance))
+    grown = np.where(is_base, _beyond(value - growing, error), 0.0)
+    return [value - slowly, grown]
 
 
 def _named(direction: Array, names: Sequence[str]) -> tuple[tuple[str, float], ...]:
@@ -214,56 +219,41 @@ def sandwich(X: Array, residual: Array, block: Array, inverse: Array) -> Array:
     return factor * inverse @ (scores.T @ scores) @ inverse
 
 
-class _Solved(NamedTuple):
-    """Least squares of the estimable parameters; unidentifiable: directions, one in each row."""
+def _beside(equations: _Equations, columns: Array) -> tuple[Array, Array]:
+    """Estimates (P,) with further columns (K, n, m) beside them, and their covariance (P, P)."""
+    X, y, rows, size = equations
+    columns = columns[..., (np.abs(columns[rows.moving.any(1)]) > 0).any((0, 1))]
+    level = np.full(columns.shape[-1], size[-1])
+    X = np.concatenate([X, columns], axis=-1)
+    value, covariance, _ = _solved(X, y, rows, np.append(size, level))
+    P = len(size)
+    return value[:P], covariance[:P, :P]
 
-    value: Array
-    covariance: Array
-    unidentifiable: Array
 
+def _solved(X: Array, y: Array, rows: Rows, size: Array) -> tuple[Array, Array, Array]:
+    """Least squares (P,) in which each joint is weighted by its own residual, in three rounds.
 
-class _Equations(NamedTuple):
-    """Balances of the rows, X x = y [N m], with what counts as one of each parameter.
-
-    X (K, n, P) ; y (K, n) ; size (P,)
+    With the covariance (P, P), and the directions that are unidentifiable, one in each row.
     """
-
-    X: Array
-    y: Array
-    rows: Rows
-    size: Array
-
-    def beside(self, columns: Array) -> _Solved:
-        """The estimates with further columns (K, n, m) beside them."""
-        columns = columns[..., (np.abs(columns[self.rows.moving.any(1)]) > 0).any((0, 1))]
-        level = np.full(columns.shape[-1], self.size[-1])
-        X = np.concatenate([self.X, columns], axis=-1)
-        fit = self._replace(X=X, size=np.append(self.size, level)).solved()
-        P = len(self.size)
-        return fit._replace(value=fit.value[:P], covariance=fit.covariance[:P, :P])
-
-    def solved(self) -> _Solved:
-        """Least squares in which each joint is weighted by its own residual, in three rounds."""
-        X, y, rows, size = self
-        moving = rows.moving
-        joint = np.broadcast_to(np.arange(moving.shape[1]), moving.shape)[moving]
-        A, b = X[moving] * size, y[moving]
-        spread = row_rms((np.abs(X) * size).max(-1), moving)
-        for _ in range(3):
-            weight = 1.0 / np.where(spread > 0, spread, 1.0)[joint]
-            weighted, target = A * weight[:, None], b * weight
-            U, s, V = np.linalg.svd(weighted, full_matrices=False)
-            kept = s > 1e-7 * s[0]
-            x = V[kept].T @ ((U[:, kept].T @ target) / s[kept])
-            residual = b - A @ x
-            full = np.zeros(moving.shape)
-            full[moving] = residual
-            spread = row_rms(full, moving)
-        inverse = (V[kept].T / s[kept] ** 2) @ V[kept]
-        covariance = sandwich(weighted, residual * weight, block_numbers(rows), inverse)
-        variance, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-        directions = np.concatenate([V[~kept], vectors.T[variance > UNIDENTIFIABLE**2]])
-        return _Solved(x * size, covariance * np.outer(size, size), directions)
+    moving = rows.moving
+    joint = np.broadcast_to(np.arange(moving.shape[1]), moving.shape)[moving]
+    A, b = X[moving] * size, y[moving]
+    spread = row_rms((np.abs(X) * size).max(-1), moving)
+    for _ in range(3):
+        weight = 1.0 / np.where(spread > 0, spread, 1.0)[joint]
+        weighted, target = A * weight[:, None], b * weight
+        U, s, V = np.linalg.svd(weighted, full_matrices=False)
+        kept = s > 1e-7 * s[0]
+        x = V[kept].T @ ((U[:, kept].T @ target) / s[kept])
+        residual = b - A @ x
+        full = np.zeros(moving.shape)
+        full[moving] = residual
+        spread = row_rms(full, moving)
+    inverse = (V[kept].T / s[kept] ** 2) @ V[kept]
+    covariance = sandwich(weighted, residual * weight, block_numbers(rows), inverse)
+    variance, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
+    directions = np.concatenate([V[~kept], vectors.T[variance > UNIDENTIFIABLE**2]])
+    return x * size, covariance * np.outer(size, size), directions
 
 
 def _sizes(rows: Rows, torque: Array, base: Array) -> Array:

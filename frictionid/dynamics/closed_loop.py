@@ -114,12 +114,8 @@ def _along(servo: Servo, edges: Array) -> tuple[Controller, Array]:
     return at._replace(command=mean, share=share, scale=scale), moment
 
 
-class _Motion(NamedTuple):
-    """State, the state a piece before, and the play (S, n) of encoders."""
-
-    state: State
-    before: State
-    play: Array
+# State, the state a piece before, and the play (S, n) of encoders.
+_Motion = tuple[State, State, Array]
 
 
 def closed_loop(
@@ -140,18 +136,20 @@ def closed_loop(
     stiffest = replace(plant, feedback=controllers.stiffest)
     ever, longest = friction.at_temperature(_extremes(temperature)), float(controllers.dt.max())
     size = step_size_of(stiffest, ever, longest)
-    motion, alive, q, w = _Motion(start, start, controllers.play), None, [start.q], [start.w]
+    state, before, play = start, start, controllers.play
+    alive, q, w = None, [start.q], [start.w]
     for k, pieces in enumerate(pairwise(first)):
         there = friction if temperature is None else friction.at_temperature(temperature[k])
         plant = plant if base_motion is None else plant.on_base(base_motion[k])
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
-            motion = _after_sample(plant, there, controllers, range(*pieces), motion, size)
-        wild = diverged(plant, motion.state)
+            state, before, play = _after_sample(
+                plant, there, controllers, range(*pieces), (state, before, play), size
+            )
+        wild = diverged(plant, state)
         if wild.any():
-            state, alive = freeze(motion.state, wild, alive)
-            motion = motion._replace(state=state)
-        q.append(masked(motion.state.q, alive))
-        w.append(masked(motion.state.w, alive))
+            state, alive = freeze(state, wild, alive)
+        q.append(masked(state.q, alive))
+        w.append(masked(state.w, alive))
     return State(np.stack(q), np.stack(w))
 
 
@@ -167,14 +165,14 @@ def _after_sample(
     many, (state, before, play) = len(drive.dt) * len(motion.state.q) >= MANY, motion
     for piece in pieces:
         dt = drive.dt[piece]
-        loop, u, moment = _loop_at(plant, drive, piece, _Motion(state, before, play))
+        loop, u, moment = _loop_at(plant, drive, piece, (state, before, play))
         now = Instant(loop, friction, state, u)
         before = begin(now, dt)
         state = ahead(now._replace(state=before), dt, size, many)
         state = _displaced(loop, state, moment, dt[:, None])
         play = np.clip(play + state.q - before.q, -drive.half, drive.half)
     since = drive.dt[pieces.start : pieces.stop].sum(axis=0)
-    return _Motion(sampled(now._replace(state=state), since[:, None]), before, play)
+    return sampled(now._replace(state=state), since[:, None]), before, play
 
 
 def _extremes(temperature: Array | None) -> Array | None:
