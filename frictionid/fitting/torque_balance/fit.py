@@ -192,13 +192,8 @@ def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance) -> Est
 def _result(solution: TorqueSolution, law: Law, dropped: tuple[Dropped, ...]) -> Fit:
     """The result of a fit by a law, without what was dropped or held."""
     estimate = solution.estimate
-    friction = replace(
-        estimate.friction,
-        law=law,
-        calibration=estimate.calibration,
-        parameters={},
-        constraints=None,
-    )
+    friction = replace(estimate.friction, law=law, parameters={}, constraints=None)
+    friction = replace(friction, calibration=estimate.calibration)
     return Fit(
         friction,
         _with_held(_local_cost(solution).covariance, solution),
