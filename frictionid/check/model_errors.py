@@ -123,10 +123,9 @@ def _together(
 
 def _estimated(fit: PartialRegression, target: Array, *suspects: _Suspect) -> Iterator[ModelError]:
     """Errors fitted together to the torques (K, n) [N m] that the mechanism does not need."""
-    estimate = fit.estimate(target, *(s.column for s in suspects))
-    left = estimate.left / max(float(np.sum(fit.residual(target) ** 2)), 1e-300)
-    sizes, errors = estimate.value.tolist(), estimate.error.tolist()
-    for s, size, error in zip(suspects, sizes, errors, strict=True):
+    sizes, errors, squares = fit.estimate(target, *(s.column for s in suspects))
+    left = squares / max(float(np.sum(fit.residual(target) ** 2)), 1e-300)
+    for s, size, error in zip(suspects, sizes.tolist(), errors.tolist(), strict=True):
         in_row = fit.left_in_row(target, s.column, size) if s.kind in ("gain", "rotor") else 1.0
         share = s.share * size
         if s.kind == "gain":  # the joint feels 1 - c of what is logged

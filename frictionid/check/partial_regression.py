@@ -21,14 +21,6 @@ PARAMETER_PRIOR = 0.3
 MODEL = 0.02
 
 
-class PartialEstimate(NamedTuple):
-    """Sizes (P,) of suspected errors, standard errors, and the sum of squares that they leave."""
-
-    value: Array
-    error: Array
-    left: float
-
-
 class PartialRegression(NamedTuple):
     """Weighted rows with the nuisance projected out.
 
@@ -51,8 +43,11 @@ class PartialRegression(NamedTuple):
         out -= (out @ self.Q) @ self.Q.T
         return out
 
-    def estimate(self, target: Array, *columns: Array) -> PartialEstimate:
-        """Least squares of `target` minus values times columns, all (K, n) [N m]."""
+    def estimate(self, target: Array, *columns: Array) -> tuple[Array, Array, float]:
+        """Least squares of `target` minus values times columns, all (K, n) [N m].
+
+        Values (P,), their standard errors, and the sum of squares that they leave.
+        """
         t, C = self.residual(target), self.residual(np.stack(columns)).T
         size = np.sqrt(
             [max(float(((c * self.weight)[self.moving] ** 2).sum()), 1e-300) for c in columns]
@@ -65,9 +60,7 @@ class PartialRegression(NamedTuple):
         scores = np.stack([np.bincount(self.block, weights=c * left) for c in C.T], axis=-1)
         used = len(np.unique(self.block))
         error = np.sqrt(used / max(used - 1, 1) * ((scores @ inverse) ** 2).sum(0))
-        return PartialEstimate(
-            value / size, np.where(shown, error / size, np.inf), float(left @ left)
-        )
+        return value / size, np.where(shown, error / size, np.inf), float(left @ left)
 
     def left_in_row(self, target: Array, column: Array, value: float) -> float:
         """Share of squares that `value` times a column leaves in the balance it changes most."""
@@ -150,6 +143,6 @@ def refined_delay(
     for _ in range(count):
         early, middle, late = means([best - small, best, best + small])
         fit = nuisance.beside(middle)
-        step = fit.estimate(middle - required, (early - late) / (2 * small))
-        best += float(np.clip(step.value[0], -large, large))
-    return best, float(step.error[0]), step.left
+        step, error, left = fit.estimate(middle - required, (early - late) / (2 * small))
+        best += float(np.clip(step[0], -large, large))
+    return best, float(error[0]), left

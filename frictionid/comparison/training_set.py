@@ -109,8 +109,8 @@ class TrainingSet:
 
     def corrected(self, recipe: CalibratedRecipe) -> Iterator[tuple[Array, Problem]]:
         """Folds that share a calibration, and the problem on the data that it corrects."""
-        for view in self.views[recipe.name]:
-            yield view.folds, training_of(view.data, recipe.step)
+        for folds, data in self.views[recipe.name]:
+            yield folds, training_of(data, recipe.step)
 
 
 def training_set(

@@ -327,7 +327,7 @@ def predicted_motion(
         protocol = replace(protocol, every=_NEVER, history=start)
     prepared = prepared_for(prepare(dataset, protocol), friction)
     batch = friction[None]
-    data = calibrated_views(prepared, batch.calibration, 1)[0].data
+    (_, data), *_ = calibrated_views(prepared, batch.calibration, 1)
     parts = _whole(data, batch) if whole else _pieces(data, batch)
     return pd.concat(parts, ignore_index=True)
 

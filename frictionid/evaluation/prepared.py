@@ -8,7 +8,7 @@ problems and initial states when they are first asked for, and keeps them.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -252,11 +252,7 @@ def with_calibration(prepared: Prepared, calibration: Calibration | None) -> Pre
     return Prepared(dataset, prepared.protocol, prepared.estimated, plant, offset)
 
 
-class CalibratedView(NamedTuple):
-    """Folds (k,) that share one calibration, and the data corrected by it."""
-
-    folds: Array
-    data: Prepared
+CalibratedView = tuple[Array, Prepared]  # folds (k,) of one calibration, data corrected by it
 
 
 def calibrated_views(
@@ -267,10 +263,10 @@ def calibrated_views(
     Views are in the order of their last fold, so that the last one is that of the last fold.
     """
     if calibration is None:
-        return (CalibratedView(np.arange(folds), prepared),)
+        return ((np.arange(folds), prepared),)
     groups = _same_calibration(calibration, folds)
     return tuple(
-        CalibratedView(folds_alike, with_calibration(prepared, calibration[int(folds_alike[0])]))
+        (folds_alike, with_calibration(prepared, calibration[int(folds_alike[0])]))
         for folds_alike in groups
     )
 

@@ -109,6 +109,11 @@ class _Model(NamedTuple):
     friction: Friction
     views: Sequence[CalibratedView]
 
+    @property
+    def first(self) -> Prepared:
+        """The data as the first of them sees them."""
+        return self.views[0][1]
+
     def owned(self, owner: Array) -> Iterator[tuple[Prepared, Array]]:
         """The data, and which of the things that friction `owner` (N,) predicts are seen so."""
         for folds, data in self.views:
@@ -147,8 +152,8 @@ def score_folds(
     )
     count = len(friction.theta)
     views = views or calibrated_views(prepared, friction.calibration, count)
-    fitted = [view._replace(folds=view.folds[view.folds < count]) for view in views]
-    model = _Model(friction, [view for view in fitted if len(view.folds)])
+    fitted = [(alike[alike < count], data) for alike, data in views]
+    model = _Model(friction, [(alike, data) for alike, data in fitted if len(alike)])
     return _scored(model, overall, prepared, held_out, "fold")
 
 
@@ -217,7 +222,7 @@ def _scored(
 
 def _one_step_scores(model: _Model, held_out: HeldOut) -> tuple[list[Score], TorqueWindows | None]:
     """Scores of one step, and the torque that it leaves, where torques were measured."""
-    data = model.views[0].data
+    data = model.first
     scores: list[Score] = []
     units, sizes = data.plant.mechanism.velocity_units, data.dataset.scales.size
     for name, held in zip(("euler", "integral"), held_out.rows, strict=True):
@@ -263,7 +268,7 @@ def _rollouts(
 
     rows : (S,) which of the initial states, all by default; true : from the true states
     """
-    first = model.views[0].data
+    first = model.first
     initial, preceding = _starts(first, rows, true)
     plant = first.plant[initial.recording]
     p = np.array(plant.p)
@@ -306,7 +311,7 @@ def _starts(
 
 def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
     """Scores of whole recordings (R,), each simulated by the friction that has not seen it."""
-    trajectory = model.views[0].data.trajectory
+    trajectory = model.first.trajectory
     assert trajectory is not None
     owner = np.maximum(held, 0)
     measured, q = np.empty_like(trajectory.measured), np.empty_like(trajectory.measured)
@@ -315,7 +320,7 @@ def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
             trajectories = data.trajectory.take(rows)
             measured[:, rows] = trajectories.measured
             q[:, rows] = free_run(data.plant[rows], model.friction[owner[rows]], trajectories)
-    units = model.views[0].data.position_units
+    units = model.first.position_units
     yield from free_run_scores(q, trajectory._replace(measured=measured), held, units)
 
 

@@ -30,12 +30,8 @@ _WIDTH = 0.02  # [rad/s]
 _SMALL = 1e-9
 
 
-class TrainingSet(NamedTuple):
-    """What the regressor of one joint is trained on: inputs, torque (B,) [N m], weight (B,)."""
-
-    x: Inputs
-    torque: Array
-    weight: Array
+# What the regressor of one joint is trained on: inputs, torques (B,) [N m], weights (B,).
+_Rows = tuple[Inputs, Array, Array]
 
 
 class _Trained(NamedTuple):
@@ -97,31 +93,31 @@ class Regressor(Identifier):
         x, torque, slides = torques(problem)
         F, n = len(weights), x.w.shape[-1]
         pairs = np.ndindex(F, n)
-        sets = [_training_set(x, torque, slides, weights[f], j) for f, j in pairs]
-        trained = [self._trained(data, seed) for data in sets]
+        sets = [_rows_of(j, x, torque, slides, weights[f]) for f, j in pairs]
+        trained = [self._trained(*rows, seed) for rows in sets]
         if self.inputs != ("w",):
             which = np.arange(F * n).reshape(F, n, 1) + 0.0
             return Friction(Predicted(tuple(trained), self.inputs), which)
         law = Table(self.speeds or _spread(problem))
-        theta = [_tabulated(law, *pair) for pair in zip(trained, sets, strict=True)]
+        theta = [_tabulated(law, t, x.w) for t, (x, _, _) in zip(trained, sets, strict=True)]
         return Friction(law, np.reshape(theta, (F, n, -1)))
 
-    def _trained(self, data: TrainingSet, seed: int) -> _Trained:
+    def _trained(self, x: Inputs, torque: Array, weight: Array, seed: int) -> _Trained:
         """A copy of the estimator, fitted to scaled features and torques."""
         with needs("sindy"):
             from sklearn.base import clone
 
         if self.inputs == ("w",):
-            data = _binned(data, self.bins)
+            x, torque, weight = _binned(x, torque, weight, self.bins)
         estimator = clone(self.estimator)
         if "random_state" in estimator.get_params():
             estimator.set_params(random_state=seed)
-        table = np.stack(features(data.x, self.inputs, _WIDTH), axis=-1)
+        table = np.stack(features(x, self.inputs, _WIDTH), axis=-1)
         centre, size = table.mean(0), table.std(0)
         size = np.where(size > _SMALL, size, 1.0)
-        weight = data.weight / data.weight.mean()
-        level = float(np.average(data.torque, weights=weight))
-        spread = np.sqrt(np.average((data.torque - level) ** 2, weights=weight))
+        weight = weight / weight.mean()
+        level = float(np.average(torque, weights=weight))
+        spread = np.sqrt(np.average((torque - level) ** 2, weights=weight))
         scale = max(float(spread), _SMALL)
         trained = _Trained(estimator, centre, size, level, scale)
         takes_weights = "sample_weight" in inspect.signature(estimator.fit).parameters
@@ -129,7 +125,7 @@ class Regressor(Identifier):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of convergence
-                estimator.fit((table - centre) / size, (data.torque - level) / scale, **taken)
+                estimator.fit((table - centre) / size, (torque - level) / scale, **taken)
             trained.predict(table[:1])
         # some estimators refuse a setting for this number of samples only now
         except (TypeError, ValueError) as error:
@@ -152,9 +148,7 @@ def torques(problem: Problem) -> tuple[Inputs, Array, Array]:
     return x, times(inverse, problem.r), weight
 
 
-def _training_set(
-    x: Inputs, torque: Array, slides: Array, weight: Array, joint: int
-) -> TrainingSet:
+def _rows_of(joint: int, x: Inputs, torque: Array, slides: Array, weight: Array) -> _Rows:
     """Rows of a joint under the weights (K,) of a fold; without friction where it rests in it."""
     if not slides[:, joint].any():
         raise InputError(
@@ -165,19 +159,19 @@ def _training_set(
         weight, torque = slides[:, joint], 0.0 * torque
     rows = weight > 0
     inputs = x.each(lambda part: part[rows, joint])
-    return TrainingSet(inputs, torque[rows], weight[rows] / weight.max())
+    return inputs, torque[rows], weight[rows] / weight.max()
 
 
-def _binned(data: TrainingSet, bins: int) -> TrainingSet:
+def _binned(x: Inputs, torque: Array, weight: Array, bins: int) -> _Rows:
     """Means over ranges of velocity of equal weight, none of them across zero."""
-    order = np.argsort(data.x.w, kind="stable")
-    weight = data.weight[order]
+    order = np.argsort(x.w, kind="stable")
+    weight = weight[order]
     cumulated = np.cumsum(weight) - 0.5 * weight
     label = np.minimum((cumulated / weight.sum() * bins).astype(int), bins - 1)
-    _, bin_of = np.unique(label * 2 + (data.x.w[order] > 0), return_inverse=True)
+    _, bin_of = np.unique(label * 2 + (x.w[order] > 0), return_inverse=True)
     total = np.bincount(bin_of, weight)
-    x = data.x.each(lambda part: np.bincount(bin_of, weight * part[order]) / total)
-    return TrainingSet(x, np.bincount(bin_of, weight * data.torque[order]) / total, total)
+    x = x.each(lambda part: np.bincount(bin_of, weight * part[order]) / total)
+    return x, np.bincount(bin_of, weight * torque[order]) / total, total
 
 
 def _check_estimator(estimator: Any) -> None:
@@ -206,11 +200,11 @@ def _spread(problem: Problem) -> tuple[float, ...]:
     return tuple(float(f"{first * 10 ** (k / _PER_DECADE):.4g}") for k in range(last + 1))
 
 
-def _tabulated(law: Table, trained: _Trained, data: TrainingSet) -> Array:
-    """Levels (P,) at the law's speeds; beyond those of the data the last one holds."""
+def _tabulated(law: Table, trained: _Trained, velocity: Array) -> Array:
+    """Levels (P,) at the law's speeds; beyond those of the data (B,) the last one holds."""
     levels = []
     for side in (1.0, -1.0):
-        fastest = max(float((side * data.x.w).max()), 0.0)
+        fastest = max(float((side * velocity).max()), 0.0)
         w = side * np.minimum(np.array(law.speeds), fastest)
         table = np.stack(features(at_rest(w), ("w",), _WIDTH), axis=-1)
         levels.append(np.maximum(side * trained.predict(table), 0.0))

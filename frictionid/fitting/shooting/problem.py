@@ -61,11 +61,8 @@ class Linearisation(NamedTuple):
         )
 
 
-class Directions(NamedTuple):
-    """Entries (part, place) of theta, and base parameters, by which the step has derivatives."""
-
-    theta: tuple[tuple[int, ...], ...]
-    base: tuple[int, ...]
+# Entries (part, place) of theta, and base parameters, by which the step has derivatives.
+Directions = tuple[tuple[tuple[int, ...], ...], tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,11 +186,12 @@ class ShootingProblem:
         return np.asarray(np.add.reduceat(by[..., flat], first, axis=-1))
 
     def _model(self, estimate: Estimate, plant: Plant) -> MotionModel:
-        joint, place = np.array(self.directions.theta, dtype=int).reshape(-1, 2).T
+        theta, base = self.directions
+        joint, place = np.array(theta, dtype=int).reshape(-1, 2).T
         friction, free = estimate.friction, FreeTheta(joint, place)
         if isinstance(friction.law, CurveCombinations):
             free, friction = friction.law.free, friction.law.curve(friction)
-        return MotionModel(plant, friction, free, self.directions.base, self.reads)
+        return MotionModel(plant, friction, free, base, self.reads)
 
     def _plant(self, estimate: Estimate) -> Plant:
         plant = calibrated_plant(self.intervals.dataset, estimate.calibration)
@@ -347,7 +345,7 @@ def shooting_problem(
     if has_actuator(blocks):
         check_servo(intervals, estimate, free, reads.u)
     theta = tuple(at for p in _entering(free, "friction") for at in p.places)
-    directions = Directions(theta, tuple(p.place[0] for p in _entering(free, "base")))
+    directions = theta, tuple(p.place[0] for p in _entering(free, "base"))
     if before and all(set(x) <= set(y) for x, y in zip(directions, before.directions, strict=True)):
         directions = before.directions
     return ShootingProblem(intervals, free, settings, reads, directions)
