@@ -162,7 +162,8 @@ def _after_sample(
     size: StepSize,
 ) -> _Motion:
     """Motion after the pieces of a sample interval, whose end a memory of samples takes in."""
-    many, (state, before, play) = len(drive.dt) * len(motion.state.q) >= MANY, motion
+    state, before, play = motion
+    many = len(drive.dt) * len(state.q) >= MANY
     for piece in pieces:
         dt = drive.dt[piece]
         loop, u, moment = _loop_at(plant, drive, piece, (state, before, play))
