@@ -15,6 +15,7 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.data.calibration import Calibration, calibrated_plant
+from frictionid.data.integrals import pieces_of
 from frictionid.dynamics.law_derivatives import FreeTheta, SmoothedLaw, TensorLaw
 from frictionid.dynamics.state import Instant, State
 from frictionid.errors import needs
@@ -29,7 +30,7 @@ from ..parameter_block import (
 )
 from ..parameters import FrictionBlock
 from .network_curves import curve_of, distance, has_curve, network_of
-from .sample_intervals import Intervals, logged_torque
+from .sample_intervals import Intervals
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,7 +153,9 @@ def torque_samples(
     driven = mechanism.motors
     path = []
     for at in (rows - back for back in range(link, -1, -1)):
-        logged = logged_torque(intervals, calibration, at, np.array([0.0, 1.0])).mean[0]
+        start = intervals.time[at]
+        edges = np.stack([start, start + intervals.dt[at]], axis=1) - calibration.delay
+        logged = pieces_of(intervals.torque, intervals.recording[at], edges).mean[0]
         u = (calibration.gain * logged + calibration.bias) * driven
         state = State(intervals.q[at] - calibration.offset, intervals.w[at])
         path.append(Instant(plant[intervals.recording[at]], friction, state, u).inputs)

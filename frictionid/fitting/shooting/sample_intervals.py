@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration
-from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
+from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal, relative_noise, sample
@@ -213,17 +212,6 @@ def _measured(angle: Signal, states: States) -> tuple[Array, Array]:
     if states.left_out is None:
         return measured, weight
     return np.where(states.left_out, states.q, measured), np.where(states.left_out, 0.0, weight)
-
-
-def logged_torque(
-    intervals: Intervals, calibration: Calibration, rows: Array, share: Array
-) -> Pieces:
-    """Logged torque of some intervals (k,) between shares (m + 1,) of their time.
-
-    Before gain and bias, but with the calibration's delay; held or interpolated as it was logged.
-    """
-    edges = intervals.time[rows, None] + intervals.dt[rows, None] * share - calibration.delay
-    return pieces_of(intervals.torque, intervals.recording[rows], edges)
 
 
 def cut_windows(intervals: Intervals, use: Array, seconds: float) -> Array:
