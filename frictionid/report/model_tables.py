@@ -10,9 +10,8 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.comparison.kind_descriptions import meaning, summary
 from frictionid.errors import InputError
-from frictionid.evaluation.complexity import information_criteria
 from frictionid.evaluation.predicted_motion import jackknife_width
-from frictionid.evaluation.statistics import FEWEST
+from frictionid.evaluation.statistics import FEWEST, information_criteria
 from frictionid.friction import Law
 from frictionid.friction.model_files import LAWS, read_model
 
