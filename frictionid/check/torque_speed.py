@@ -21,6 +21,7 @@ from scipy.special import ndtr, stdtrit
 from frictionid.arrays import MAD, Array
 from frictionid.data.envelope import Envelope, Estimated, Reached
 from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.servo import seen_by_encoder
 from frictionid.data.signals import Signal, holds, run_edges, sample
 from frictionid.data.state_estimators import States
 
@@ -34,6 +35,7 @@ _FEW = 1000  # samples of the search
 _MOVES = 0.02  # of the fastest speed: at rest a torque that holds a load stands still
 _FAR = 3.0  # times the fastest speed, beyond which no fall is followed to zero
 _AT_LIMIT = 0.98  # of what a motor can make
+_ABOUT = 0.1  # of the time between samples
 _KNEES, _BEYOND = np.linspace(0.05, 1.0, 20), np.geomspace(0.05, 1.5, 12)  # of the fastest speed
 _SHARE, _OUTLIERS, _ROUNDS = 0.3, 1e-4, 10
 Parts = tuple[Estimated | None, Estimated | None, Estimated | None]
@@ -86,12 +88,22 @@ def limit_findings(
 
 
 def _share(recording: Recording, states: States) -> Array | None:
-    """Torque of a servo over what its motor can make at that speed, (T, n)."""
-    servo = recording.servo
+    """Share of its motor's limit that a servo asks for at each sample, (T, n).
+
+    Of the torque that it can make at that speed; of a voltage what the controller puts out, as in
+    braking the back-EMF adds to it.
+    """
+    servo, time = recording.servo, recording.angle.time
     if servo is None or (motor := servo.torque_speed) is None:
         return None
-    u = recording.torque.value
-    w = sample(Signal(states.time, states.w, "linear"), recording.torque.time)
+    # targets that step about a sample, which no delay tells, have stepped
+    controller = servo.at(time + _ABOUT * np.median(np.diff(time)))
+    w = sample(Signal(states.time, states.w, "linear"), time)
+    q = seen_by_encoder(servo, recording.angle).value
+    u = controller.torque(q, w)
+    if servo.has_motor:
+        out, current = np.abs(controller.output(q, w)), np.abs(u) / controller.most
+        return np.maximum(out / controller.limit, current / servo.efficiency) * (u != 0)
     most = np.maximum(motor.top(np.sign(u) * w), _NOISE * motor.peak)
     return np.abs(u) / most
 

@@ -10,6 +10,7 @@ from frictionid.arrays import Array, evenly
 from frictionid.check import source_sentences, torque_sources
 from frictionid.check.motion import motions_of
 from frictionid.check.torque_speed import limit_findings, torque_speeds
+from frictionid.data.calibration import with_calibrated_servos
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, holds
@@ -134,7 +135,8 @@ def fit_model(
         late = (AS_LOGGED,) * (fit.diagnostics is None and as_logged(dataset))
         notes["torque"] = (*source_sentences(torque_sources(dataset)), *late)
         envelopes = tuple(torque_speeds(dataset, prepared.smoothed))
-        limits = limit_findings(dataset, prepared.smoothed, envelopes)
+        driven = with_calibrated_servos(dataset, friction.calibration)
+        limits = limit_findings(driven, prepared.smoothed, envelopes)
         notes |= {"envelopes": envelopes, "limits": tuple(f.text for f in limits)}
     if fit.diagnostics is not None:
         w = training.problems[recipe.steps[0].name].nodes.inputs.w

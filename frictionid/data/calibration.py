@@ -134,7 +134,7 @@ def calibrated_dataset(dataset: Dataset, calibration: Calibration) -> Dataset:
     return replace(dataset, recordings=recordings)
 
 
-def with_calibrated_servos(dataset: Dataset, calibration: Calibration) -> Dataset:
+def with_calibrated_servos(dataset: Dataset, calibration: Calibration | None) -> Dataset:
     """The data set with torques of servos whose motors, targets and backlash are calibrated."""
     recordings = tuple(with_calibrated_servo(r, calibration) for r in dataset.recordings)
     return replace(dataset, recordings=recordings)

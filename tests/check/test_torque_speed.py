@@ -12,6 +12,8 @@ import pytest
 from drive_logs import ServoPendulum
 
 import frictionid as fid
+from frictionid.check.motion import motions_of
+from frictionid.check.torque_speed import limit_findings
 
 RIG = fid.mechanisms.pendulum(mass=ServoPendulum.mass, length=ServoPendulum.length)
 
@@ -76,6 +78,19 @@ def test_of_servos_it_is_said_how_near_their_limit_they_come():
     assert "is at the limit of its motor in" in text
     (text,) = said(check(measured=False, given=(0.9, 9.0, 18.0)))
     assert "never reaches the limit of its motor" in text
+
+
+@pytest.mark.parametrize("delay", [0.0198, 0.02, 0.0202])
+def test_a_servo_is_at_its_limit_in_the_samples_in_which_its_duty_is(delay):
+    """Also in braking, and whichever side of a sample the targets of two samples ago step."""
+    t = np.arange(400) / 100
+    target = 1.2 * np.sign(np.sin(9 * t) + 0.1)
+    duty = 1.1 * (np.r_[target[[0, 0]], target[:-2]] - np.sin(9 * t))
+    servo = dict(target="target", output="duty", P=1.1, kt=1.0, R=9.0, supply=12.0, delay=delay)
+    frames = {"a": pd.DataFrame({"t": t, "q": np.sin(9 * t), "target": target})}
+    data = fid.Dataset.from_frames(frames, RIG, time="t", angle="q", actuator=servo)
+    (limit,) = limit_findings(data, [m.states for m in motions_of(data.recordings)], ())
+    assert limit.numbers["at"] == (np.abs(duty) >= 0.98).mean()
 
 
 def test_torques_that_step_between_two_levels_have_no_fall():
