@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.readers.column_toml import counts_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import GAP, Signal, run_edges, usual_intervals
 
@@ -49,6 +50,14 @@ def log_findings(measured: Measured, dead: Sequence[int]) -> Iterator[Finding]:
     yield from jumping_angles(dataset)
     yield from (_dead(measured, j) for j in dead)
     yield from unsigned_torques(dataset)
+
+
+def count_findings(dataset: Dataset) -> Iterator[Finding]:
+    """A finding where angles that were read as rad or deg look like counts of an encoder."""
+    angles = np.concatenate([np.ravel(r.angle.value) for r in dataset.recordings])
+    for unit, columns in (("rad", angles), ("deg", np.degrees(angles))):
+        if keys := counts_of(columns):
+            yield finding("counts", keys, {"unit": unit})
 
 
 def _torques(dataset: Dataset, j: int) -> list[Array]:

@@ -12,7 +12,7 @@ from .conventions import Scored, convention_of_recording
 from .facts import JointFacts, joints_of
 from .findings import LEVELS, Finding, finding
 from .hypothesis_tests import Delay, HypothesisTests, run_tests, sampling_findings, untested
-from .log_faults import dead_torques, in_seconds, log_findings
+from .log_faults import count_findings, dead_torques, in_seconds, log_findings
 from .machine_faults import drift_findings, stop_findings
 from .model_errors import ModelError
 from .motion import Measured, Motion, adapted, motions_of
@@ -103,7 +103,8 @@ def check(dataset: Dataset) -> Verdict:
     corrected, findings = unwrapped(timed)
     motions = motions_of(corrected.recordings)
     corrected, of_targets = with_late_targets(corrected, motions)
-    findings = [*of_time, *findings, *of_targets, *servo_findings(corrected)]
+    others = [*of_time, *findings, *of_targets, *servo_findings(corrected)]
+    findings = list(count_findings(dataset)) or others
     return judge(corrected, motions, findings)
 
 
@@ -117,8 +118,9 @@ def judge(dataset: Dataset, motions: Sequence[Motion], findings: Sequence[Findin
     usable, of_sensors = screened(Measured.of_dataset(dataset, motions))
     of_commands = list(gravity_findings(usable, commanded))
     is_command = any(f.level == "unusable" for f in of_commands)
+    is_counted = any(f.kind == "counts" for f in findings)
     usable, of_outliers = without_outliers(usable)
-    tests = untested(usable) if is_command else tests_of(usable)
+    tests = untested(usable) if is_command or is_counted else tests_of(usable)
     regression, estimate = _least_squares(tests)
     sources = torque_sources(dataset, commanded)
     motion = [m.states for m in motions]
@@ -136,6 +138,7 @@ def judge(dataset: Dataset, motions: Sequence[Motion], findings: Sequence[Findin
     everything = sorted(unsorted, key=lambda f: -LEVELS.index(f.level))
     passive = passive_time(tests.measured)
     untestable = "the torque is a command" if is_command else "no joint slides long enough"
+    untestable = "the angles look like counts" if is_counted else untestable
     return Verdict(
         dataset=dataset.name,
         level=everything[0].level if everything else "good",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from frictionid.arrays import Array
 from frictionid.config import nearest
-from frictionid.data.readers.column_toml import CURRENTS, UNITS
+from frictionid.data.readers.column_toml import CURRENTS, UNITS, counts_of
 from frictionid.data.readers.table import Table
 from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
@@ -290,6 +290,8 @@ def _angle_unit(table: Table, names: Sequence[str], kind: str) -> tuple[str, str
         return unit, f"the name says {unit}; {span}"
     if kind == "m":
         return ("mm", f"{span}: in m a long way") if high - low > 20 else ("m", span)
+    if counts_of(np.stack([table.columns[name] for name in names])):
+        return "counts", f"{span}, whole numbers: counts, a guess, see [motor]"
     if high - low > _TURNS:
         return "deg", f"{span}: in rad that were {(high - low) / (2 * np.pi):.1f} turns"
     return "rad", f"{span}: within two turns"

@@ -26,6 +26,7 @@ from .describe_tables import (
     Known,
     actuator_of,
     described_draft,
+    encoder_of,
     loaded,
 )
 from .robot_columns import RobotColumns, RobotFile, names_of, robot_columns
@@ -106,6 +107,7 @@ def describe_robot(
     comments = _comments(file, columns, machine, facts, filled, still)
     comments |= {f"motor.{key}": _MISSING for key in motor if getattr(filled, key, 0) is None}
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
+    motor |= encoder_of(tables.first, guesses)
     beside = columns.velocity, columns.imu, missing
     draft = Draft(tables, table, guesses, machine, motor, comments, actuator, *beside)
     factor = {*missing} & {_KT, GEAR}  # of the torques, where angles are the joints'

@@ -14,6 +14,7 @@ import numpy as np
 
 from frictionid.check import Verdict, check
 from frictionid.check.hypotheses import ABSOLUTE, SHIFTED, TORQUE_UNITS, Convention
+from frictionid.data.readers.column_toml import counts_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.table import Table
 from frictionid.data.recordings import Dataset
@@ -124,8 +125,12 @@ def _is_passive(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> b
 
 
 def targets_in(table: Table, facts: Known, joints: int) -> tuple[str, ...]:
-    """Columns of the angles that a controller follows, where the table has no torques; or none."""
-    pushes = any(quantity_of(name) in ("torque", "current") for name in table.columns)
+    """Columns of the angles that a controller follows, where the table has no torques; or none.
+
+    Currents are torques where their constant is known.
+    """
+    torques = ("torque",) if facts.kt is None else ("torque", "current")
+    pushes = any(quantity_of(name) in torques for name in table.columns)
     targets = tuple(filter(is_target, table.columns))
     return () if pushes or "torque" in facts.columns or len(targets) != joints else targets
 
@@ -178,6 +183,7 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
         )
     gear = 1.0 if facts.gear is None else facts.gear
     motor = {"kt": facts.kt, "gear": gear} if guesses.is_current else {}
+    motor |= encoder_of(tables.first, guesses)
     machine = mechanism_of(mechanism)
     targets = targets_in(tables.first, facts, machine.n)
     guesses = guesses._replace(unused=tuple(n for n in guesses.unused if n not in targets))
@@ -185,8 +191,19 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
     if targets and (facts.kt, facts.gear) != (None, None):
         missing += (OUTPUT,)
     actuator = actuator_of(targets, facts)
-    draft = Draft(tables, mechanism, guesses, machine, motor, comments, actuator, missing=missing)
+    currents = (n for n in guesses.unused if targets and quantity_of(n) == "current")
+    said = tuple(
+        f"{name} is a current: --kt and --gear take it, not the targets" for name in currents
+    )
+    draft = Draft(tables, mechanism, guesses, machine, motor, comments, actuator)
+    draft = draft._replace(missing=missing, evidence=said)
     return described_draft(draft, blind=GAINS in missing)
+
+
+def encoder_of(table: Table, guesses: ColumnGuesses) -> dict[str, Any]:
+    """Keys of [motor] for the angles of a table that are taken as counts; {} for others."""
+    angles = np.stack([table.columns[name] for name in guesses.angle.columns])
+    return counts_of(angles) if guesses.angle.unit == "counts" else {}
 
 
 def described_draft(draft: Draft, *, blind: bool) -> Described:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.readers.column_toml import counts_of
 from frictionid.data.readers.table import Table
 from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body.robot import MOVING, Joint, Robot
@@ -282,6 +283,8 @@ def _side(
         return "motor", unit, f"{'named like motors' if named else span}; taken as {unit}"
     if (travel <= _BEYOND * room).all():
         return "joint", "rad", f"{span} rad"
+    if counts_of(np.stack(angles)):
+        return "joint", "counts", f"{span} rad: counts, a guess, see [motor]"
     if (np.radians(travel) <= _BEYOND * room).all():
         return "joint", "deg", f"{span} rad: degrees"
     return "motor", "rad", f"{span} rad: angles of the motors, before a gear"

@@ -105,6 +105,17 @@ def test_all_of_it_is_in_the_verdict_and_gaps_are_counted():
     assert repr(recording.name) in gap.text
 
 
+@pytest.mark.parametrize(("unit", "size"), [("rad", 1.0), ("deg", np.pi / 180)])
+@pytest.mark.parametrize(("count", "turn"), [(4096, 4096.0), (1024, 1228.8)])
+def test_counts_that_are_read_in_another_unit_are_named_before_all_else(unit, size, count, turn):
+    (data,) = sets(Setup(), 1, seed=9)
+    most = np.abs(np.concatenate([r.angle.value for r in data.recordings])).max()
+    columns = changed(data, "angle", lambda q: size * np.rint(count / 2 + count / 3 * q / most))
+    (counts,) = (f for f in check(columns).findings if f.level != "good")
+    assert f"read as {unit} look like counts" in counts.text
+    assert f"counts_per_turn = {turn:g} and offset = {-np.pi * count / turn:.6f}" in counts.remedy
+
+
 def test_a_second_run_in_a_table_is_named_where_it_begins_and_a_spike_is_none():
     for data in sets(Setup(), 3, seed=9):
         time, q = data.recordings[0].angle.time, data.recordings[0].angle.value[:, 0]

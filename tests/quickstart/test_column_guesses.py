@@ -34,6 +34,15 @@ NAMED = {
         "%time in ns, field.position0 in rad, field.effort0 in N m",
     ),
     "by range": ({"t": TIME, "pos": 57.3 * 4 * Q, "u": U}, "t in s, pos in deg, u in N m"),
+    "counts of a servo": (
+        {"t": TIME, "present_position": np.rint(2300 + 400 * Q), "u": U},
+        "t in s, present_position in counts, u in N m",
+    ),
+    "counts of 300 degrees": (
+        {"t": TIME, "pos": np.rint(500 + 400 * Q), "u": U},
+        "t in s, pos in counts, u in N m",
+    ),
+    "whole degrees": ({"t": TIME, "pos": np.rint(90 * Q), "u": U}, "t in s, pos in deg, u in N m"),
     "units named": (
         {"time [ms]": 1e3 * TIME, "Angle [deg]": Q, "Torque [mNm]": U},
         "time [ms] in ms, Angle [deg] in deg, Torque [mNm] in mN m",

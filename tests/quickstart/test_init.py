@@ -219,6 +219,21 @@ def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     assert "next: write the gains into dataset.toml, then frictionid quick" in out
 
 
+def test_counts_and_a_current_of_a_servo_make_a_controllers_file(call, tmp_path):
+    (tmp_path / "servo").mkdir()
+    q = np.rint(2048 + 4096 / (2 * np.pi) * Q)
+    frame = pd.DataFrame({"t": TIME, "goal_position": q, "present_position": q, "I_mA": 900 * U})
+    frame.to_csv(tmp_path / "servo" / "run.csv", index=False)
+    code, out, _ = call(f"init servo {INIT}")
+    document = written(tmp_path / "servo")
+    assert code == 0 and document["actuator"]["target"] == "goal_position"
+    assert "# I_mA is a current" in out and "torque" not in document["columns"]
+    assert document["motor"] == {"counts_per_turn": 4096, "offset": -3.141593}
+    recording = load_dataset(tmp_path / "servo").recordings[0]
+    for signal in (recording.angle, recording.servo.goal):
+        np.testing.assert_allclose(signal.value[:, 0], Q, atol=np.pi / 4096 + 1e-6)
+
+
 def test_elements_of_vectors_are_columns_as_those_of_lerobot(call, tmp_path):
     (tmp_path / "servo").mkdir()
     columns = {"observation.state": Q[:, None], "timestamp": TIME, "action": 0.9 * Q[:, None]}

@@ -123,6 +123,16 @@ def test_degrees_of_joints_are_known_by_the_limits_of_the_file(call, exact):
     same(call.folder, exact)
 
 
+def test_counts_of_servos_are_known_by_their_range(call, exact):
+    _, q, u = exact
+    table = named({"pos_{}": np.rint(2048 + 4096 / (2 * np.pi) * q), "effort_{}": u})
+    document, out = call(table)
+    assert document["units"]["angle"] == "counts" and "gear" not in out.split("[motor]")[1]
+    assert document["motor"] == {"counts_per_turn": 4096, "offset": -3.141593}
+    (recording,) = load_dataset(call.folder).recordings
+    np.testing.assert_allclose(recording.angle.value, q, atol=np.pi / 4096 + 1e-6)
+
+
 def test_the_only_robot_of_a_folder_is_taken_and_meshes_are_not_looked_at(call, exact, joints, arm):
     folder = str(arm.options["urdf"]).removesuffix("/wrist.urdf")
     document, _ = call(joints, robot=folder)

@@ -76,6 +76,26 @@ def unit_named(quantity: str, unit: str) -> str:
     return name
 
 
+def counts_of(angles: Array) -> dict[str, float]:
+    """Keys of [motor] for angles that look like counts of a smart servo; {} for others.
+
+    These are whole numbers, 4096 of a turn or 1024 of 300 degrees, and zero is in the middle.
+
+    >>> counts_of(np.array([1645.0, 2452.0])), counts_of(np.array([-90.0, 90.0]))
+    ({'counts_per_turn': 4096.0, 'offset': -3.141593}, {})
+    """
+    read = angles[np.isfinite(angles)]
+    low, high = read.min(initial=np.inf), read.max(initial=-np.inf)
+    if high - low < _TURNS or np.abs(read - np.rint(read)).max() > _WHOLE:
+        return {}
+    for count, turn in _SERVOS:
+        if 0 <= low and high < count and abs(low + high - count) < count / 2:
+            return {"counts_per_turn": turn, "offset": round(-math.pi * count / turn, 6)}
+    return {}
+
+
+_TURNS, _WHOLE = 4 * math.pi, 1e-6  # fewer counts may be radians
+_SERVOS = ((1024, 1228.8), (4096, 4096.0))  # counts, and those of a whole turn
 _SINGULAR = 1e9  # condition number of a coupling
 
 
