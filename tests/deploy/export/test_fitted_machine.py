@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pandas as pd
 import pytest
 from fixtures import driven_wrist as wrist
 
@@ -145,6 +146,19 @@ def test_inertia_that_a_fit_has_more_is_armature_where_rotors_explain_it(to, dat
         armature = eval(re.search("armature=(.*),", text)[1])
         assert armature == pytest.approx(dict(zip(arm.joints, rotors.values(), strict=True)))
     assert made.lost == ()
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.004])
+def test_a_rotor_that_nobody_has_described_is_said_to_be_in_the_bodies(rotor):
+    rig = fid.mechanisms.pendulum(mass=0.5, length=0.15, rotor=rotor)
+    fitted = replace(Calibration.ideal(1), base=np.array([0.01525, 0.7358]))
+    model = fid.Friction(fid.CoulombViscous(), np.array([[0.06, 0.03]]), calibration=fitted)
+    time = np.arange(400) / 100
+    frames = {"a": pd.DataFrame({"t": time, "q": np.sin(time)})}
+    data = fid.Dataset.from_frames(frames, rig, time="t", angle="q")
+    made = writer_of("mujoco")(exported(model, rig.joints, (), data), ExportSettings())
+    assert any("no rotor is described (rotor of" in note for note in made.notes) == (not rotor)
+    assert ('armature="0.0"' in made.files[".xml"].decode()) == (not rotor)
 
 
 @pytest.mark.parametrize("to", ["mujoco", "urdf", "isaac"])

@@ -300,6 +300,10 @@ def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str
         lost = not_reached(mechanism, parameters, base)
         if not lost:
             notes.append("masses and inertias are such that the model's base parameters hold")
+        rotors = [p.name for p in mechanism.parameters if p.rotor]
+        if rotors and not any(parameters[name] for name in rotors):
+            said = f"no rotor is described ({', '.join(rotors)} of [mechanism.parameters])"
+            notes.append(f"{said}: its inertia is in that of the bodies, armature is 0")
     used = {k: v for k, v in parameters.items() if k in mechanism.nominal()}
     step = _FINEST if passive_motor(model.friction, 0) else _FINE
     text = mjcf_of(mechanism, used, timestep=step)
