@@ -298,7 +298,8 @@ def _bar(total: int | None, title: str, first: str) -> Iterator[tuple[Any, Any]]
         TimeRemainingColumn(),
         TextColumn("[dim]{task.fields[last]}"),
     )
-    with Progress(*columns, console=console, disable=not console.is_terminal or is_quiet()) as bar:
+    hidden, both = not console.is_terminal or is_quiet(), sys.stdout.isatty()
+    with Progress(*columns, console=console, disable=hidden, redirect_stdout=both) as bar:
         task = bar.add_task(_plain(title), total=total, last=_plain(first))
         with compiling(lambda what: bar.update(task, last=f"{COMPILING}: {_plain(what)}")):
             yield bar, task

@@ -256,8 +256,9 @@ def quick(
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
-    from frictionid.quickstart.quick import plan_for
-    from frictionid.quickstart.quick_report import quick_figure, quick_json
+    from frictionid.progress import say_nothing
+    from frictionid.quickstart import quick as first
+    from frictionid.quickstart.quick_report import quick_figure, quick_json, show_check, show_laws
     from frictionid.report.figures.style import png
 
     loaded = fid.load_dataset(dataset, data, trust=trust)
@@ -266,9 +267,10 @@ def quick(
     paths = (Path(f"{name}{end}.png") for end in ends)
     figure = figure or next(path for path in paths if replace or not os.path.lexists(path))
     check_outputs([figure], dataset_files(dataset, data), replace=replace)
-    with running(plan_for(loaded).steps, f"first verdict ({loaded.name})") as done:
-        verdict = fid.quick(loaded, done)
-    print(quick_json(verdict)) if json else verdict.show()
+    with running(first.plan_for(loaded).steps, f"first verdict ({loaded.name})") as done:
+        # laws take minutes: a run that is stopped leaves what the check says
+        verdict = first.quick(loaded, done, say_nothing if json else show_check)
+    print(quick_json(verdict)) if json else show_laws(verdict)
     if verdict.chosen is None:
         raise typer.Exit(2)
     write_bytes(figure, png(partial(quick_figure, verdict)))

@@ -7,7 +7,7 @@ left takes the place of predictions. Only folds count that hold out motion: in o
 noise. With fewer than three of them the law of the smallest error counts.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array, evenly
-from frictionid.check import check
+from frictionid.check import Verdict, check
 from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
 from frictionid.comparison.suite import IdentifierEntry, identifier_named
 from frictionid.comparison.suite_recipes import (
@@ -136,10 +136,15 @@ _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SHORTEST, _LONG = 3.0, 5.0  # [s] of a recording: of longer ones several in part tell more
 
 
-def quick(dataset: Dataset, done: Done = say_nothing) -> Quick:
+def quick(
+    dataset: Dataset,
+    done: Done = say_nothing,
+    checked: Callable[[Verdict], object] = say_nothing,
+) -> Quick:
     """A first verdict on a data set: are the data good, and which friction do they show.
 
-    `done` is called with the name of each step that is finished, see `Plan`.
+    `done` is called with the name of each step that is finished, see `Plan`, and `checked` with
+    what the check says, before any law is fitted.
 
     Raises
     ------
@@ -153,6 +158,7 @@ def quick(dataset: Dataset, done: Done = say_nothing) -> Quick:
         print(quick(frictionid.load_dataset("my_rig")).chosen.name)
     """
     verdict = check(dataset)
+    checked(verdict)
     done("check")
     if verdict.level == "unusable":
         return Quick(verdict)

@@ -99,7 +99,8 @@ class Quick(Shown):
     not_fitted: tuple[str, ...] = ()
 
     def show(self) -> None:
-        show_quick(self)
+        show_check(self.check)
+        show_laws(self)
 
     def _repr_html_(self) -> str:
         return super()._repr_html_() + ("" if self.chosen is None else as_html(self.plot()))
@@ -128,17 +129,19 @@ class Quick(Shown):
         return drawn(partial(quick_figure, self))
 
 
-def show_quick(result: Quick) -> None:
-    """Print a first verdict: what the check result, the laws, which one, and its parameters."""
+def show_check(check: Verdict) -> None:
+    """Print the begin of a first verdict: what the check says of the data."""
     from rich.text import Text
 
-    out = console()
-    check = result.check
     head = Text(check.dataset, style="bold").append(": the data are ", "")
-    out.print(head.append(check.level, f"bold {LEVEL_COLOURS[check.level]}"))
+    console().print(head.append(check.level, f"bold {LEVEL_COLOURS[check.level]}"))
     for finding in check.findings:
         say(f"  {finding.text}" + (f" -> {finding.remedy}" if finding.remedy else ""))
     say("")
+
+
+def show_laws(result: Quick) -> None:
+    """Print the rest of a first verdict: the laws, which one, and its parameters."""
     if result.chosen is None:
         say("No law was fitted: correct the data first.")
         return
@@ -148,7 +151,7 @@ def show_quick(result: Quick) -> None:
         show_torque_left({result.chosen.name: result.chosen.torque}, _mechanism(result).joints)
     if result.refined:
         say("", *_parameters(with_levels(result.refined)))
-    say(*(f"next: {advice}" for advice in check.next))
+    say(*(f"next: {advice}" for advice in result.check.next))
 
 
 def _parameters(read: Sequence[Estimate]) -> list[Table | str]:

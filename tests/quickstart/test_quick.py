@@ -23,7 +23,7 @@ from frictionid.comparison import cross_validate
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import open_loop
-from frictionid.errors import NoFitError
+from frictionid.errors import InputError, NoFitError
 from frictionid.friction.laws import Spline
 from frictionid.quickstart.quick import BY_ANGLES, plan_for, quick, shortened
 from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
@@ -156,7 +156,11 @@ def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(result):
 
 
 def test_the_command_says_what_the_page_shows(result, place, monkeypatch, run):
-    monkeypatch.setattr("frictionid.quickstart.quick.quick", lambda *_: result)
+    def quick(_, done, checked):
+        checked(result.check)
+        return result
+
+    monkeypatch.setattr("frictionid.quickstart.quick.quick", quick)
     monkeypatch.setenv("COLUMNS", "110")
     arguments, text = shown("quick")
     code, out, err = run(place, *arguments)
@@ -169,6 +173,16 @@ def test_the_command_says_what_the_page_shows(result, place, monkeypatch, run):
     assert_one_line(outcome, "quick-arm.png exists")
     code, out, _ = run(place, *arguments, "--json", "--replace")
     assert code == 0 and json.loads(out) == json.loads(quick_json(result))
+
+
+def test_what_the_check_says_is_printed_before_a_law_is_fitted(place, monkeypatch, run):
+    def stopped(*_):
+        raise InputError("stopped")
+
+    monkeypatch.setattr("frictionid.quickstart.quick._compared", stopped)
+    _, out, err = run(place, *shown("quick")[0])
+    assert out.startswith("arm: the data are good\n") and err == "frictionid: stopped\n"
+    assert "law" not in run(place, *shown("quick")[0], "--json")[1]
 
 
 def test_the_other_commands_of_the_page_run_too(place, monkeypatch, run):
