@@ -156,7 +156,7 @@ def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(result):
 
 
 def test_the_command_says_what_the_page_shows(result, place, monkeypatch, run):
-    def quick(_, done, checked):
+    def quick(_loaded, _done, checked):
         checked(result.check)
         return result
 
