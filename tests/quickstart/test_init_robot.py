@@ -103,9 +103,7 @@ def test_columns_of_sensors_come_before_filtered_ones_and_commands(call, exact):
     _, q, u = exact
     others = {f"{name}{j}": u[:, 0] for name in ("pos_filt", "tau_con", "tau_fric") for j in "123"}
     names = [f"{name}_meas{j}" for name in ("pos", "tau") for j in "123"]
-    document, _ = call(
-        {**others, **dict(zip(names, np.concatenate([q, u], axis=1).T, strict=True))}
-    )
+    document, _ = call(others | dict(zip(names, np.concatenate([q, u], axis=1).T, strict=True)))
     columns = document["columns"]
     assert [*columns["angle"], *columns["torque"]] == names
     same(call.folder, exact)
@@ -124,13 +122,10 @@ def test_degrees_of_joints_are_known_by_the_limits_of_the_file(call, exact):
 
 
 def test_counts_of_servos_are_known_by_their_range(call, exact):
-    _, q, u = exact
-    table = named({"pos_{}": np.rint(2048 + 4096 / (2 * np.pi) * q), "effort_{}": u})
-    document, out = call(table)
-    assert document["units"]["angle"] == "counts" and "gear" not in out.split("[motor]")[1]
-    assert document["motor"] == {"counts_per_turn": 4096, "offset": -3.141593}
-    (recording,) = load_dataset(call.folder).recordings
-    np.testing.assert_allclose(recording.angle.value, q, atol=np.pi / 4096 + 1e-6)
+    counts = np.rint(2048 + 4096 / (2 * np.pi) * exact[1])
+    call(named({"pos_{}": counts, "effort_{}": exact[2]}))
+    angle = load_dataset(call.folder).recordings[0].angle.value
+    np.testing.assert_allclose(angle, exact[1], atol=np.pi / 4096 + 1e-6)
 
 
 def test_the_only_robot_of_a_folder_is_taken_and_meshes_are_not_looked_at(call, exact, joints, arm):
