@@ -356,15 +356,11 @@ def _show_stream(several: Iterable[Any], joints: Sequence[str], *, json: bool) -
 
 
 def _contacts(
-    seen: Any,
-    joints: Sequence[str],
-    since: dict[str, tuple[float, float]],
-    worn: set[tuple[str, bool]],
+    seen: Any, joints: Sequence[str], since: dict[str, Any], worn: set[tuple[str, bool]]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Begins and ends of contacts, and changes of friction, as text and in numbers.
+    """Begins and ends of contacts, which `since` has while they last, as text and in numbers.
 
-    `since` has the contacts that last, `worn` the joints and ways that show other friction: once
-    both do, it is said.
+    And changes of friction, once both ways of a joint show one, which are `worn` then.
     """
     columns = seen.torque, seen.band, *seen.worn
     for time, *each in zip(seen.time.tolist(), *columns, strict=True):
@@ -388,10 +384,9 @@ def _contacts(
             if not touches and abs(torque) > band and abs(change) > width and way not in worn:
                 worn.add(way)
                 if (joint, torque <= 0) in worn:
-                    size = abs(torque)
-                    text = f"{time:.3f} s: friction of {joint} has changed, {size:.3g} N m"
-                    numbers = {"time": time, "friction": joint, "torque": size, "band": band}
-                    yield f"{text} (band {band:.2g})", numbers
+                    size = f"{abs(torque):.3g} N m (band {band:.2g})"
+                    numbers = {"time": time, "friction": joint, "torque": abs(torque)}
+                    yield f"{time:.3f} s: friction of {joint} has changed, {size}", numbers
 
 
 def _friction(e: Any) -> str:
