@@ -58,7 +58,7 @@ class Calibration:
 
     def __post_init__(self) -> None:
         for f in fields(self):
-            value, is_one = getattr(self, f.name), f.name.endswith("delay")
+            value, is_one = getattr(self, f.name), f.name.endswith(("delay", "drift"))
             if value is None and (f.default is None or f.name == "base"):
                 continue
             array = numbers_like(value, np.zeros(0), f"calibration.{f.name}")
