@@ -77,6 +77,7 @@ def test_a_comparison_goes_on_once_there_is_space(places, tmp_path, monkeypatch,
     status = on_small_disk(disk, size, work)
     if status == NO_MOUNT:
         pytest.skip("this system lets nobody mount a file system")
-    lines = said.read_text().splitlines()
-    assert status == 2 and len(lines) == 2 and lines[1] == f"{tasks} tasks", lines
-    assert "cannot be written (No space left on device): make room, or" in lines[0]
+    *done, refused, count = said.read_text().splitlines()
+    assert status == 2 and count == f"{tasks} tasks"
+    assert [line.split(" done: ")[0] for line in done] == [f"{k + 1} of 3" for k in range(tasks)]
+    assert "cannot be written (No space left on device): make room, or" in refused
