@@ -28,10 +28,10 @@ def advance_compiled(
     numbers = rows_of_numbers(tangent.machine, model.plant, model.friction.theta, (), rows)
     numbers[:, :size] = nodes
     each = model.free.combinations
-    free = model.free.joint, np.zeros((0, 0)) if each is None else each
+    # loops are for one kind of array
+    free = np.ascontiguousarray(model.free.joint), np.zeros((0, 0)) if each is None else each
 
     def advance(rows: Array, torque: MotorTorque, dt: Array, may_halve: bool) -> Array:
-        # loops are for one kind of array
         torques = (np.ascontiguousarray(x) for x in torque[:4])
         return _advance(tangent, *free, numbers, T, rows, *torques, dt, may_halve)
 

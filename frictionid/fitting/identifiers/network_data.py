@@ -55,7 +55,7 @@ class CompiledCells(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, W: Any, read: Any, burn_in: int) -> Any:
         (F, B, T, n, _), H = read.shape, W.shape[-1] // 4
-        weights, samples = W.detach().numpy(), np.ascontiguousarray(read.numpy())
+        weights, samples = (np.ascontiguousarray(x.detach().numpy()) for x in (W, read))
         gates, contents = np.empty((F, B, n, T, 4 * H)), np.empty((F, B, n, T + 1, 2 * H))
         h = np.empty((F, B, T, n, H))
         _forth(weights, samples, gates, contents, h)

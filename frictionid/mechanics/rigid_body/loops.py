@@ -213,10 +213,10 @@ def evaluate(
 
 
 def _flat(x: Array, lead: tuple[int, ...]) -> Array:
-    """Rows (K, n) of an array whose batch axes broadcast to `lead`."""
+    """Rows (K, n) of an array whose batch axes broadcast to `lead`, of the kind loops are for."""
     x = np.asarray(x, dtype=float)
     if x.shape[:-1] != lead and x.size > x.shape[-1]:
         x = np.broadcast_to(x, (*lead, x.shape[-1]))
-    x = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
+    x = np.require(x.reshape(-1, x.shape[-1]), requirements="CW")
     rows = math.prod(lead)
     return x if len(x) == rows else np.ascontiguousarray(np.broadcast_to(x, (rows, x.shape[-1])))
