@@ -257,7 +257,9 @@ def without_outliers(measured: Measured) -> tuple[Measured, list[Finding]]:
     torques = torque_outliers(dataset, measured.plant, states)
     masks = {"angle": angles, "torque": torques}
     findings = [f for name, mask in masks.items() for f in _outlier_findings(name, mask, dataset)]
-    return measured.with_torques_of(with_torques_replaced(dataset, torques)), findings
+    without = with_torques_replaced(dataset, torques)
+    # where nothing was replaced, what is computed of the data already stays
+    return measured if without is dataset else measured.with_torques_of(without), findings
 
 
 def _outlier_findings(quantity: str, masks: Sequence[Array], dataset: Dataset) -> Iterator[Finding]:
