@@ -175,12 +175,10 @@ def _likeliest(samples: _Samples, peaks: Array, fastest: float) -> Envelope:
 def _log_likelihood(torque: Array, top: Array) -> Array:
     """Of torques (S,) under an edge (..., S), both in units of the noise."""
     d = torque - top
-    density = (1.0 - _SHARE) * (d < 0.0) / (top + 1.0)
-    near = np.abs(d) < 9.0  # further off, Phi is 0 or 1
-    x, height = d[near], np.broadcast_to(top, d.shape)[near]
-    on = np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi)
-    density[near] = _SHARE * on + (1.0 - _SHARE) * ndtr(-x) / (height + 1.0)
-    return np.log(density + _OUTLIERS)
+    near, on, below = np.abs(d) < 9.0, np.zeros_like(d), (d < 0.0) * 1.0
+    x = d[near]  # further off, Phi is 0 or 1
+    on[near], below[near] = np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi), ndtr(-x)
+    return np.log(_SHARE * on + (1.0 - _SHARE) * below / (top + 1.0) + _OUTLIERS)
 
 
 def _estimated(samples: _Samples, edge: Envelope, fastest: float) -> Parts:
