@@ -36,7 +36,7 @@ def relaxed(target: Array, keep: Array, start: Array, first: Array) -> Array:
     batch = list(np.broadcast_shapes(tuple(batch), start.shape[:-2]))
     flat = (np.broadcast_to(x, (*batch, *x.shape[-2:])) for x in (target, keep, start))
     shaped = [np.broadcast_to(x, (*x.shape[:-1], n)).reshape(-1, x.shape[-2], n) for x in flat]
-    out = np.asarray(_scanned(*(np.require(x, float, "CW") for x in shaped), first))
+    out = np.asarray(_scanned(*(np.require(x, float, ["C", "W"]) for x in shaped), first))
     return out.reshape(*batch, steps + 1, n)
 
 

@@ -217,6 +217,6 @@ def _flat(x: Array, lead: tuple[int, ...]) -> Array:
     x = np.asarray(x, dtype=float)
     if x.shape[:-1] != lead and x.size > x.shape[-1]:
         x = np.broadcast_to(x, (*lead, x.shape[-1]))
-    x = np.require(x.reshape(-1, x.shape[-1]), requirements="CW")
+    x = np.require(x.reshape(-1, x.shape[-1]), requirements=["C", "W"])
     rows = math.prod(lead)
     return x if len(x) == rows else np.ascontiguousarray(np.broadcast_to(x, (rows, x.shape[-1])))
