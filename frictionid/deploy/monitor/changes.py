@@ -361,9 +361,14 @@ def _excess(scores: Array, time: Array, curvature: Array) -> Array:
 
 
 def _local_means(left: Array, rows: _Rows) -> Array:
-    """The residual (K, n) over a tenth of a second about each row, for each second of it."""
-    begin = np.searchsorted(rows.time, rows.time - _WINDOW / 2)
-    end = np.searchsorted(rows.time, rows.time + _WINDOW / 2, side="right")
+    """The residual (K, n) over a tenth of a second about each row, for each second of it.
+
+    The window is as long at both ends: half of one scatters more.
+    """
+    time = rows.time
+    begin = np.searchsorted(time, np.minimum(time - _WINDOW / 2, time[-1:] - _WINDOW))
+    last = np.maximum(time + _WINDOW / 2, time[:1] + _WINDOW)
+    end = np.searchsorted(time, last, side="right")
     both = np.column_stack([left, rows.dt])
     total = np.concatenate([np.zeros((1, both.shape[1])), np.cumsum(both, axis=0)])
     within = total[end] - total[begin]
