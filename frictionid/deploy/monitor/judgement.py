@@ -24,6 +24,7 @@ Answer = Literal["changed", "unchanged", "other", "cannot_tell"]
 _BLIND = 1.0  # of the usual friction: a change that is not seen below this is not seen at all
 _NO_GAIN = 0.5  # of the torque: more is no change of a sensor
 _TORN = 0.2  # of the time: what disturbs more is no push
+_CLOCK = "another time scale, which no torque tells apart"
 _LOOSE = "backlash, contact or a loose part may be behind what is named"
 _SHOWN = 3  # sentences of a kind
 _COLUMNS = "joint part change low_95 high_95 per_cent".split()
@@ -197,8 +198,10 @@ def _parts(
 
 def _causes(baseline: Baseline, tests: CauseTests, explanation: Explanation) -> Iterator[str]:
     """Sentences on what changed: each cause with its size, or what it cannot be separated from."""
+    passive = all(effect.name != "gain" for effect in baseline.reference.effects)
     for cause, *rivals in explanation.groups:
         hidden = [f"{b} with {c}" for a, b, c in explanation.hidden if a == cause]
+        hidden += [_CLOCK] if passive and cause == PAYLOAD else []
         rivals += hidden if explanation.doubt else []
         if rivals:
             yield f"cannot separate {cause} from {' and '.join(rivals)}"

@@ -6,17 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.changed_data import each
+from fixtures.changed_data import each, subset
 from fixtures.driven_pendulum import simulated
+from fixtures.true_curves import plain_friction
 
 import frictionid as fid
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes
 from frictionid.deploy.monitor.judgement import judge
 from frictionid.deploy.monitor.monitor import arriving
 from frictionid.deploy.monitor.monitored import totals
-from frictionid.simulate import Camera, Multisine, Run, Variation
+from frictionid.simulate import Camera, Multisine, Rig, Run, Variation, simulate
 
 LIGHT, HEAVY = 0.5, 0.7  # kg
+MACHINE = {"mass": 0.3, "length": 0.2, "inertia": 0.002}
 LEVEL = {LIGHT: 0.05, HEAVY: 0.07}  # N m
 
 
@@ -86,6 +88,18 @@ def test_a_payload_comes_out_as_it_went_in(plain, share):
     assert float(said.split(": ")[1].split(" %")[0]) == pytest.approx(100 * share, rel=0.02)
     p = float(found.sentence.removeprefix("Friction has not changed (p = ").split(",")[0])
     assert p == pytest.approx(found.judgement.p_of_joint[0], rel=0.1) and p > 0.01
+
+
+def test_without_torque_a_payload_may_be_another_time_scale():
+    """A swinging pendulum on film: another frame rate changes the ratio of its terms only."""
+    machine = {"kind": "pendulum", "driven": False, "parameters": MACHINE}
+    runs = tuple(Run(f"{i}", (1.0 + 0.1 * i,)) for i in range(12))
+    true, camera = plain_friction(0.004, 0.001), Camera(481, 60.0, 0.008)
+    film = simulate(Rig("p", machine, true, camera, runs, substeps=4))
+    slow = each(film, lambda r: replace(r, angle=r.angle._replace(time=1.01 * r.angle.time)))
+    known = fid.baseline(subset(film, 0, 8), law="coulomb_viscous")
+    (cause,) = fid.monitor(known, subset(slow, 8)).judgement.causes
+    assert cause.startswith("the payload's inertia: -") and " or another time scale" in cause
 
 
 def test_friction_beside_a_payload_comes_out_as_it_went_in(plain):
