@@ -8,10 +8,11 @@ from frictionid.data.envelope import Reached
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import ClockFacts, clock_of
 
-from .conventions import Scored, convention_of_recording
+from .conventions import Scored
 from .facts import JointFacts, joints_of
-from .findings import LEVELS, Finding, finding
-from .hypothesis_tests import Delay, HypothesisTests, run_tests, sampling_findings, untested
+from .faults_of_recordings import tests_of
+from .findings import LEVELS, Finding
+from .hypothesis_tests import Delay, HypothesisTests, sampling_findings, untested
 from .log_faults import count_findings, dead_torques, in_seconds, log_findings
 from .machine_faults import drift_findings, stop_findings
 from .model_errors import ModelError
@@ -213,38 +214,3 @@ def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
         means = tests.longer.means(measured.torque, tests.shift)
         estimate = widened(estimate, regress(tests.longer, means, mechanism, nominal))
     return Regression(measured, rows, torque), estimate
-
-
-_KINDS = {"fault_of_recording", "convention_of_recording"}
-# Of the machine: no recording has them alone, but a disturbance may look like them there.
-_MACHINE = {"base", "load", "rotor", "nominal_mechanism", "unknown_cause", "unexplained"}
-
-
-def tests_of(measured: Measured) -> HypothesisTests:
-    """Tests of all recordings, or of those without a fault of their own, which is named.
-
-    A zero, gain, sign, unit or delay that is off in one table would be an error of the mechanism,
-    or none that has a name, in all of them together.
-    """
-    tests = run_tests(measured)
-    every = frozenset(range(len(measured.motions)))
-    if not tests.odd or tests.odd == every:
-        return tests
-    rest = tests_of(measured.without(set(tests.odd)))
-    if any(f.level != "good" and f.kind not in _KINDS for f in rest.findings):
-        return tests
-    faults = [f for i in sorted(tests.odd) for f in _faults(measured.without(set(every - {i})))]
-    return replace(rest, findings=(*faults, *rest.findings)) if faults else tests
-
-
-def _faults(single: Measured) -> list[Finding]:
-    """What is wrong with one recording, if that has a name; signs before delays, as a sine has."""
-    convention = convention_of_recording(single)
-    if convention is not None:
-        return [convention]
-    words = {"recording": single.dataset.recordings[0].name}
-    return [
-        finding("fault_of_recording", f.numbers, {**words, "fault": f.text}, f.joint, level=f.level)
-        for f in run_tests(single).findings
-        if f.level != "good" and f.kind not in _MACHINE
-    ]

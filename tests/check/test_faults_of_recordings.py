@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import planted_faults as pool
-from fixtures.changed_data import each
+from fixtures.changed_data import each, one_changed
+from fixtures.driven_pendulum import driven_pendulum
 from numpy.testing import assert_allclose
 
 from frictionid.check import check
@@ -69,3 +70,17 @@ def test_the_others_are_judged_without_it(cases):
     )
     assert_allclose(verdict.estimate.value, expected.estimate.value, rtol=1e-9)
     assert verdict.level == "doubtful" and expected.level == "good"
+
+
+def test_the_bias_of_a_torque_sensor_in_one_recording_is_named_with_its_size():
+    """Alone it is friction's offset, which is one for all recordings. A command has no sensor."""
+    plain, names = driven_pendulum(900), iter(range(6))
+    case = each(plain, lambda r: replace(r, name=f"r{next(names)}"))
+    off = one_changed(
+        case, "torque", 3, 0, slice(None), case.recordings[3].torque.value[:, 0] + 0.08
+    )
+    (wrong,) = (f for f in check(off).findings if f.level != "good")
+    assert wrong.kind == "bias_of_recording" and wrong.text.startswith("in 'r3' torque 1 is off")
+    assert wrong.numbers["size"] == pytest.approx(0.08, rel=0.05)
+    commanded = check(replace(off, torque_at="command")).findings
+    assert "bias_of_recording" not in {f.kind for f in commanded}
