@@ -217,7 +217,7 @@ def jumping_angles(dataset: Dataset) -> Iterator[Finding]:
     """A finding for each joint that is elsewhere in the next sample, as where two runs are one."""
     for j, unit in enumerate(dataset.mechanism.position_units):
         jumps = [
-            (size, float(r.angle.time[k]), r.name)
+            (size, float(r.angle.time[k] - r.angle.time[0]), r.name)
             for r in dataset.recordings
             for k, size in _jumps(r.angle, j)
         ]
@@ -245,13 +245,13 @@ def _jumps(angle: Signal, j: int) -> list[tuple[int, float]]:
 
 
 def _stamps(dataset: Dataset, chosen: Callable[[Array], Array]) -> list[tuple[float, float, str]]:
-    """Chosen intervals between stamps [s], the times [s] at which they begin, their recordings."""
+    """Chosen intervals between stamps [s], when they begin [s] from the first, their recordings."""
     out = []
     for recording in dataset.recordings:
         time = recording.angle.time
         interval = np.diff(time)
         at = np.flatnonzero(chosen(interval)) if len(interval) else ()
-        out += [(float(interval[k]), float(time[k]), recording.name) for k in at]
+        out += [(float(interval[k]), float(time[k] - time[0]), recording.name) for k in at]
     return out
 
 

@@ -69,17 +69,18 @@ Answer = tuple[bool | None, str]
 def energy_rises(measured: Measured) -> Iterator[tuple[float, str, float]]:
     """Rise of the nominal mechanism's energy in each passive phase in which energy shows.
 
-    The largest, over the range of energy; recording and start [s] of the phase. None on a base that
+    The largest, over the range of energy; recording and start [s] in it of the phase. None on a base that
     moves, which gives and takes energy.
     """
     if measured.mechanism.floating:
         return
     top = top_torque(measured)
     for p, (recording, motion) in zip(measured.nominal, measured.pairs, strict=True):
+        since = motion.states.time - recording.angle.time[0]
         for phase in passive_phases(recording, motion, top):
             share = energy_rise(measured.mechanism, p, motion, phase)
             if share is not None:
-                yield share, recording.name, float(motion.states.time[phase.start])
+                yield share, recording.name, float(since[phase.start])
 
 
 def energy_test(measured: Measured) -> tuple[Answer, Finding | None]:

@@ -228,13 +228,14 @@ def frozen_findings(
     for joint in sorted({f.joint for f in frozen}):
         of_joint = [f for f in frozen if f.joint == joint]
         longest, count = max(of_joint, key=lambda f: f.length), len(of_joint)
+        recording = measured.dataset.recordings[longest.recording]
         yield finding(
             code,
             {"longest": longest.length, "intervals": float(count), "value": longest.value},
             {
                 "unit": units[joint],
-                "recording": measured.dataset.recordings[longest.recording].name,
-                "start": longest.start,
+                "recording": recording.name,
+                "start": longest.start - recording.angle.time[0],
                 "more": f", and {count - 1} times more" if count > 1 else "",
             },
             joint + 1,

@@ -239,11 +239,11 @@ def check_span(what: str, signal: Signal, angle: Signal, slack: float) -> None:
     InputError
         Saying `what` begins too late or ends too early.
     """
-    if max(signal.time[0] - angle.time[0], angle.time[-1] - signal.time[-1]) > slack:
+    begin, end = signal.time[[0, -1]] - angle.time[0]  # as start and stop count
+    if max(begin, angle.duration - end) > slack:
         raise InputError(
-            f"{what} known from {signal.time[0]:g} to {signal.time[-1]:g} s only, the angles from "
-            f"{angle.time[0]:g} to {angle.time[-1]:g} s: keep the common span by start and stop in "
-            "[recordings]"
+            f"{what} known from {begin:g} to {end:g} s only, the angles from 0 to "
+            f"{angle.duration:g} s: keep the common span by start and stop in [recordings]"
         )
 
 

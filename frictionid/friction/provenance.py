@@ -85,7 +85,10 @@ class Estimate:
 
 
 class Segment(NamedTuple):
-    """A stretch of a recording: its name, begin and end [s], and size of the residual [noise]."""
+    """A stretch of a recording: its name, begin and end [s], and size of the residual [noise].
+
+    Times are from the recording's first angle, as start and stop of dataset.toml.
+    """
 
     recording: str
     begin: float

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.changed_data import changed, one_changed
+from fixtures.changed_data import changed, on_later_clock, one_changed
 from fixtures.one_joint_sets import Setup, sets
 
 from frictionid.check import check
@@ -150,3 +150,17 @@ def test_bursts_of_stamps_and_held_torques_are_named():
         assert rows["stamp_bursts"]["start"] == data.recordings[0].angle.time[40]
         found = clock_findings(changed(data, "torque", held))
         assert [(f.kind, f.numbers["rows"]) for f in found] == [("held_torque", 4)]
+
+
+def test_places_in_time_are_from_the_first_sample_as_start_and_stop_are():
+    """A gap, an angle that stands still and energy that rises, on a clock that began earlier."""
+    (data,) = sets(Setup(), 1, seed=6)
+    q = data.recordings[1].angle.value[:, 0]
+    data = one_changed(data, "angle", 1, 0, slice(100, 160), q[100])
+    gap = np.r_[0:200, 260 : len(data.recordings[0].angle.time)]
+    first, *others = data.recordings
+    data = replace(data, recordings=(replace(first, angle=taken(first.angle, gap)), *others))
+    later = on_later_clock(data, 50.0)
+    kinds = ("stamp_gaps", "frozen_sensor", "energy")
+    texts, same = ([f.text for f in check(d).findings if f.kind in kinds] for d in (data, later))
+    assert texts == same and len(texts) > 1

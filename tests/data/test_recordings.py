@@ -314,7 +314,7 @@ def test_a_torque_is_held_where_nothing_is_stated():
 @pytest.mark.parametrize("span", [slice(0, 70), slice(30, None)])
 def test_a_torque_that_ends_early_or_begins_late_is_refused_and_a_silent_one_is_not(span):
     """Nobody knows what the motor did there; a motor that did nothing at all did nothing there."""
-    time = np.arange(100) * 0.01
+    time = 5.0 + np.arange(100) * 0.01
     angle = Signal(time, np.sin(time)[:, None])
     push = Signal(time[span], np.cos(9 * time[span])[:, None], "previous")
     with assert_refused("the angles from 0 to 0.99 s: keep the common span by start and stop"):

@@ -278,8 +278,11 @@ def within(recording: Recording, start: float, stop: float) -> Recording:
     span = partial(cut, start=first + start, stop=first + stop)
     try:
         angle = span(recording.angle)
-    except InputError as error:
-        raise InputError(f"recording {recording.name!r}: {error}") from None
+    except InputError:
+        raise InputError(
+            f"recording {recording.name!r}: no sample lies between start = {start:g} and "
+            f"stop = {stop:g} s: it lasts {recording.angle.duration:g} s; choose a span inside it"
+        ) from None
     return recording.changed(span, partial(_around, start=angle.time[0], stop=angle.time[-1]))
 
 

@@ -187,9 +187,10 @@ def _each(prepared: Prepared, reference: Reference, most: Array | float, late: f
         value[delay] += late
         motion = motion_of(rows.time, rows.velocity, reference.speeds[:, 0])
         parts = (value, inverse, excess, motion, peak, value[:0])
+        since = rows.time - recording.angle.time[0]
         changes = Changes(*(x[None] for x in parts))
         left_out = [
-            Segment(recording.name, float(rows.time[a]), float(rows.time[b - 1]), float(b - a))
+            Segment(recording.name, float(since[a]), float(since[b - 1]), float(b - a))
             for a, b in zip(*run_edges(~used), strict=True)
         ]
         fits.append((changes, left_out, misfit))
@@ -361,11 +362,8 @@ def _excess(scores: Array, time: Array, curvature: Array) -> Array:
 
 
 def _local_means(left: Array, rows: _Rows) -> Array:
-    """The residual (K, n) over a tenth of a second about each row, for each second of it.
-
-    The window is as long at both ends: half of one scatters more.
-    """
-    time = rows.time
+    """The residual (K, n) over a tenth of a second about each row, for each second of it."""
+    time = rows.time  # at both ends as long a window: half of one scatters more
     begin = np.searchsorted(time, np.minimum(time - _WINDOW / 2, time[-1:] - _WINDOW))
     last = np.maximum(time + _WINDOW / 2, time[:1] + _WINDOW)
     end = np.searchsorted(time, last, side="right")

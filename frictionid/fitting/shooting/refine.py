@@ -257,9 +257,10 @@ def _segments(solution: Solution, which: Array, size: Array) -> tuple[Segment, .
     out = []
     for w in np.flatnonzero(which):
         rows = solution.windows[w][solution.windows[w] >= 0]
-        name = intervals.dataset.recordings[int(intervals.recording[rows[0]])].name
-        end = float(intervals.time[rows[-1]] + intervals.dt[rows[-1]])
-        out.append(Segment(name, float(intervals.time[rows[0]]), end, float(size[w])))
+        recording = intervals.dataset.recordings[int(intervals.recording[rows[0]])]
+        since = intervals.time[rows] - recording.angle.time[0]
+        end = float(since[-1] + intervals.dt[rows[-1]])
+        out.append(Segment(recording.name, float(since[0]), end, float(size[w])))
     return tuple(out)
 
 
