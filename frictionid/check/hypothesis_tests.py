@@ -4,7 +4,7 @@ First the conventions, then the delay, then the mechanism itself. Each test uses
 errors of the earlier ones corrected, so that one fault does not raise suspicion of others.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ import numpy as np
 from frictionid.arrays import Array, usual_step
 from frictionid.data.integrals import SignalIntegrals
 from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
-from frictionid.data.recordings import Recording
+from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.state_estimators import usual_changes
 from frictionid.fitting.one_step.balances import Rows
 
@@ -50,7 +50,7 @@ from .partial_regression import (
     nuisance_of,
     refined_delay,
 )
-from .servos import is_fast
+from .servos import is_fast, servos_of
 
 # Largest delay searched [s]; steps [s] of both searches and of the derivative.
 WIDEST = 0.6
@@ -183,6 +183,10 @@ SAMPLE, BETWEEN = 0.35, 0.65
 LONGER = 4 / 3 * WIDTH
 # A later torque [s] makes every rollout useless.
 UNUSABLE_DELAY = 0.1
+_COMPUTED = (
+    "the torque is computed from targets: fit by shooting, where the delay of held ones is free, "
+    "with the block 'backlash' free"
+)
 # More unexplained than this (log of the squared share) is no description of the data.
 UNEXPLAINED = np.log(0.2)
 
@@ -243,7 +247,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
         delay = beside(delay, longer, corrected.torque, corrected.nominal)
     if delay is not None:
         delay = beside(delay, rows, corrected.torque, corrected.nominal, _FREE)
-    late = list(_delay_findings(delay, _sample_interval(measured)))
+    late = _delay_findings(delay, measured.dataset)
     shift = delay.seconds if delay and late else 0.0  # a hold is corrected as well
     torque = rows.means(corrected.torque, shift)
     left = misfit(corrected, rows, torque)
@@ -298,11 +302,11 @@ def _limit(first: Scored, tests: HypothesisTests, delay: Delay | None) -> Scored
     return min(first, late, key=lambda s: s.score)
 
 
-def _sample_interval(measured: Measured) -> float:
+def _sample_interval(dataset: Dataset) -> float:
     """Usual time [s] between two samples, of torque or angle, whichever is longer."""
     longest = [
         max(usual_step(s.time) for s in (r.torque, r.angle) if len(s.time) > 1)
-        for r in measured.dataset.recordings
+        for r in dataset.recordings
         if len(r.angle.time) > 1
     ]
     return float(np.median(longest)) if longest else 0.0
@@ -315,25 +319,26 @@ def _motor_findings(measured: Measured) -> list[Finding]:
     ]
 
 
-def _delay_findings(delay: Delay | None, interval: float) -> Iterator[Finding]:
+def _delay_findings(delay: Delay | None, dataset: Dataset) -> list[Finding]:
     if delay is None:
-        return
-    size = abs(delay.seconds)
+        return []
+    size, interval = abs(delay.seconds), _sample_interval(dataset)
     # far off, some delay of a nearly periodic torque explains a part of any misfit
     enough = EXPLAINS if size < UNUSABLE_DELAY else 1.0 - SINGLED_OUT
     if size < max(ERRORS * delay.error, SAMPLE * interval, LEAST) or delay.explained < enough:
-        return
+        return []
     low, high = delay.interval
     numbers, words = {"delay": delay.seconds, "error": delay.error}, {"low": low, "high": high}
     if size < BETWEEN * interval:
-        yield finding("hold", {**numbers, "interval": interval}, words)
-        return
-    yield finding(
-        "delay",
-        {**numbers, "explains": delay.explained},
-        {**words, "size": size, "word": "after" if delay.seconds > 0 else "before"},
-        level="unusable" if size > UNUSABLE_DELAY else "",
-    )
+        late = finding("hold", {**numbers, "interval": interval}, words)
+    else:
+        late = finding(
+            "delay",
+            {**numbers, "explains": delay.explained},
+            {**words, "size": size, "word": "after" if delay.seconds > 0 else "before"},
+            level="unusable" if size > UNUSABLE_DELAY else "",
+        )
+    return [replace(late, remedy=_COMPUTED) if servos_of(dataset) else late]
 
 
 def _exchanged_findings(measured: Measured, score: float) -> list[Finding]:

@@ -1,12 +1,14 @@
-"""Samples that are too far apart for the motion are named; others are not."""
+"""Samples that are too far apart for the motion are named, and torques that act later."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.changed_data import each
+from drive_logs import ServoPendulum
+from fixtures.changed_data import changed, each
+from fixtures.servo_logs import by_controller
 
-from frictionid.check.hypothesis_tests import sampling_findings
+from frictionid.check.hypothesis_tests import run_tests, sampling_findings
 from frictionid.check.motion import Measured, motions_of
 from frictionid.data.signals import Signal
 
@@ -43,3 +45,14 @@ def test_only_the_samples_count_and_not_the_speed_of_the_clock(clean):
     """The same motion at a tenth of its speed, at a tenth of the rate, is as well sampled."""
     (fast,), (slow,) = found(thinned(clean, 6)), found(thinned(clean, 6, slower=10.0))
     np.testing.assert_allclose(slow.numbers["change"], fast.numbers["change"], rtol=0.05)
+
+
+def test_a_torque_that_is_computed_has_no_clock_to_correct():
+    """That of a controller, from targets: what to do about a delay is a block of the fit."""
+    rig = ServoPendulum(delay=0.0)
+    logs = {f"{seed}": rig.log(4.0, 0.05, seed, seconds=4.0) for seed in range(4)}
+    late = changed(by_controller(rig, logs, P=4.0, D=0.05), "torque", np.array, -0.01)
+    tests = run_tests(Measured.of_dataset(late, motions_of(late.recordings)))
+    (asked,) = (f for f in tests.findings if f.kind in ("hold", "delay"))
+    assert asked.numbers["delay"] == pytest.approx(0.01, abs=2e-3)
+    assert "block 'backlash'" in asked.remedy and "clock" not in asked.remedy
