@@ -51,7 +51,7 @@ columns.angle = ["q1", ""] => only torque may have
 columns.angle = ["q1", "q1"] => column 'q1' is named twice
 sigma.angle = [0.1, 0.1, 0.1] => sigma.angle has 3 numbers for 2
 recordings.start = 2.0; recordings.stop = 1.0 => before stop
-recordings.start = 99.0 => 'a'.*no sample lies between
+recordings.start = 99.0 => 'a'.*no sample lies between start = 99 and.*it lasts
 recordings.stop = 0.001 => 'a': angle needs at least 2 samples
 recordings.patterns = ["*.csv", "b*"] => patterns: 'b\*' matches no file
 recordings.patterns = [""] => '' is no relative pattern
@@ -100,6 +100,7 @@ ROWS = r"""
 0,1,2,3 / 1,1,abc,3 => row 3: column 'q2' holds 'abc', which is no number
 0,0,1,1,2,5,3,0 => row 2: 8 cells .* need semicolons
 0,1,2,3 / 1,1,,3 => row 3: 'q2' is empty or nan
+0,1,2,3 / 1,1,2, => row 3: 'u2' is empty .*repair or delete it \(a gap\); empty angles are gaps
 0,1,2,3 / ,1,2,3 => row 3: 'time' is empty or nan
 0,1,2,3 /  / 1,nan,2,3 => row 4: 'q1' is empty or nan
 0,1,2,3 / 1,1,2,-inf => row 3: 'u2' is -inf

@@ -246,7 +246,7 @@ def signal_of(
         if at and time[at] < time[at - 1]:
             way += f"; where another run begins there, say split = {clock!r}"
         if "empty" in reason:
-            way += '; rows without angles are gaps with missing = "drop" in [columns]'
+            way += ' (a gap); empty angles are gaps with missing = "drop" in [columns]'
         raise InputError(f"{table.file}, row {rows[at]}: {reason}; {way}")
     # A number too large for its unit becomes infinite, which the recording refuses.
     with np.errstate(over="ignore"):
