@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from frictionid.arrays import Array
 from frictionid.data.envelope import Reached
 from frictionid.data.recordings import Dataset
@@ -15,7 +17,7 @@ from .findings import LEVELS, Finding
 from .hypothesis_tests import Delay, HypothesisTests, sampling_findings, untested
 from .log_faults import count_findings, dead_torques, in_seconds, log_findings
 from .machine_faults import drift_findings, stop_findings
-from .model_errors import ModelError
+from .model_errors import ERRORS, ModelError
 from .motion import Measured, Motion, adapted, motions_of
 from .passive import energy_test, gravity_findings, gravity_shares, passive_time, rest_tests
 from .questions import Identifiable, Question, advice, identifiable, questions, still_joints
@@ -31,6 +33,8 @@ from .sensors import (
 from .servos import servo_advice, servo_findings, with_late_targets
 from .torque_source import TorqueSource, place_findings, torque_sources, unmeasured_findings
 from .torque_speed import limit_findings, torque_speeds
+
+_SHOWN = 3  # base parameters that are off
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +198,7 @@ def _of_tests(
     """Errors of the tests, and where none explains them already, of passivity; of torques."""
     if tests.done:  # what else is found may follow from them
         yield from stop_findings(tests.measured)
-    yield from tests.findings
+    yield from (_with_figures(f, estimate, tests.measured.nominal[0]) for f in tests.findings)
     if tests.done and not tests.findings:
         passivity = [energy_test(tests.measured), *rest_tests(tests, estimate)]
         yield from (wrong for _, wrong in passivity if wrong is not None)
@@ -202,6 +206,20 @@ def _of_tests(
         yield from drift_findings(regression, estimate)
     yield from place_findings(tests, estimate)
     yield from unmeasured_findings(sources, tests, regression, estimate)
+
+
+def _with_figures(fault: Finding, estimate: Estimate, nominal: Array) -> Finding:
+    """The finding of a wrong mechanism with the base parameters that are surely off."""
+    if fault.kind != "nominal_mechanism":
+        return fault
+    off = estimate.value[: len(nominal)] - nominal
+    sure = np.abs(off) / np.maximum(estimate.error[: len(nominal)], 1e-300)
+    said = [
+        f"{estimate.names[i]} is {100 * off[i] / nominal[i]:+.1f} % from its nominal value"
+        for i in np.argsort(-sure)[:_SHOWN].tolist()
+        if sure[i] > ERRORS and nominal[i]
+    ]
+    return replace(fault, text="; ".join([fault.text, *said]))
 
 
 def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:

@@ -34,7 +34,7 @@ from frictionid.report.figures.style import (
 )
 from frictionid.report.figures.style import line as key_line
 from frictionid.report.numbers import NOTHING, added, factor, norm_unit, short, with_levels
-from frictionid.report.shooting_results import MANY
+from frictionid.report.shooting_results import MANY, shooting_results
 from frictionid.report.tables import Table, table_of, text_columns
 from frictionid.report.terminal import Shown, console, parameter_table, say, show_torque_left
 from frictionid.report.verdict import times
@@ -150,7 +150,7 @@ def show_laws(result: Quick) -> None:
         say("")
         show_torque_left({result.chosen.name: result.chosen.torque}, _mechanism(result).joints)
     if result.refined:
-        say("", *_parameters(with_levels(result.refined)))
+        say("", *_parameters(with_levels(result.refined)), *against_nominal(result.refined))
     say(*(f"next: {advice}" for advice in result.check.next))
 
 
@@ -162,6 +162,13 @@ def _parameters(read: Sequence[Estimate]) -> list[Table | str]:
     count = sum(e.identified for e in inertial)
     said = f"{len(inertial)} inertial parameters, {count} of them identified: see `frictionid fit`."
     return [parameter_table([e for e in read if e.block != "inertia"]), said]
+
+
+def against_nominal(refined: Estimates) -> list[str]:
+    """A sentence on the base parameters whose 95 % intervals do not hold their nominal values."""
+    differing = shooting_results(refined, None)["differing"]
+    each = (f"{name} by {first} ({low} to {high})" for name, (first, low, high) in differing)
+    return [f"Differing from the nominal values: {', '.join(each)}."] if differing else []
 
 
 def verdict(result: Quick) -> list[str]:

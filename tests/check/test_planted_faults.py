@@ -7,6 +7,7 @@ and Stribeck friction, 4 recordings of 5 s each at 60 Hz with 0.3 to 2 mrad of n
 below. Smoothing commutes with linear maps of the angles, so that one smoothing serves many faults.
 """
 
+import re
 from functools import cache
 
 import numpy as np
@@ -136,6 +137,8 @@ def test_a_gain_that_is_as_far_off_as_masses_may_be_is_named_beside_them():
         verdict = check(changed(healthy()[number], "torque", lambda u: 1.1 * u))
         (wrong,) = [f for f in verdict.findings if f.level != "good"]
         assert wrong.kind == "nominal_mechanism" and "; or gain of torque 1 is 0.9" in wrong.text
+        off = re.findall(r"is ([+-].*?) % from its nominal value", wrong.text)
+        assert off and [float(x) for x in off] == pytest.approx([10.0] * len(off), abs=2.0)
 
 
 def test_a_joint_that_hardly_moves_is_named():

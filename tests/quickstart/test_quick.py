@@ -26,7 +26,7 @@ from frictionid.data.servo import open_loop
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction.laws import Spline
 from frictionid.quickstart.quick import BY_ANGLES, plan_for, quick, shortened
-from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
+from frictionid.quickstart.quick_report import against_nominal, quick_figure, quick_json, verdict
 from frictionid.report.figures.style import png
 from frictionid.simulate import Curve
 
@@ -118,6 +118,16 @@ def test_no_friction_does_not_read_as_no_law(result, worse, sentence):
     standings["spline"] = "best"
     candidates = [replace(c, standing=standings[c.name]) for c in result.candidates]
     assert sentence in verdict(replace(result, candidates=tuple(candidates)))
+
+
+def test_a_mass_that_is_not_nominal_is_said(result):
+    """With the nominal mass 5 % too large, and with the true one."""
+    read = [e for e in result.refined.parameters if e.block == "inertia"]
+    wrong = [replace(e, nominal=1.05 * e.value) for e in read]
+    (said,) = against_nominal(replace(result.refined, parameters=wrong))
+    assert re.findall(r" by (.*?) %", said) == ["−4.76"] * len(wrong)
+    right = [replace(e, nominal=e.value) for e in read]
+    assert against_nominal(replace(result.refined, parameters=right)) == []
 
 
 def test_a_block_that_is_not_free_and_would_show_is_named(result):
