@@ -69,8 +69,8 @@ Answer = tuple[bool | None, str]
 def energy_rises(measured: Measured) -> Iterator[tuple[float, str, float]]:
     """Rise of the nominal mechanism's energy in each passive phase in which energy shows.
 
-    The largest, over the range of energy; recording and start [s] in it of the phase. None on a base that
-    moves, which gives and takes energy.
+    The largest, over the range of energy; recording and start [s] in it of the phase. None on a
+    base that moves, which gives and takes energy.
     """
     if measured.mechanism.floating:
         return
