@@ -142,8 +142,8 @@ def _all_scored(measured: Measured, candidates: Sequence[Convention]) -> Iterato
 def shifted(measured: Measured, first: Scored, others: Sequence[Scored]) -> Iterator[Scored]:
     """Wrong zeros of the angles, by quarter turns, as given and beside other signs or frames.
 
-    An encoder's is anywhere, that of a pendulum that is balanced upright. One joint is
-    shifted after the other, as long as that leaves less.
+    An encoder's is anywhere, that of a pendulum that is balanced upright. One joint, or else one
+    link, is turned after the other, as long as that leaves less.
     """
     signs = [s for s in others if s.of_gears]
     best = [min(signs, key=lambda s: s.score)] if signs else []
@@ -155,19 +155,26 @@ def shifted(measured: Measured, first: Scored, others: Sequence[Scored]) -> Iter
 
 
 def _quarter_turns(measured: Measured, start: Scored) -> Scored:
-    """The convention with those quarter turns of zeros that leave least, one joint at a time."""
+    """The convention with those quarter turns of zeros that leave least, one after the other."""
     turns = np.flatnonzero([unit == "rad" for unit in measured.mechanism.position_units])
+    joints = np.eye(measured.mechanism.n)[turns]
+    # opposite turns of neighbours leave what the second one carries where it is
+    links = joints[:-1] - joints[1:]
     best = start
     for _ in turns:
-        tried = [
-            _shifted(start.convention, best.convention.shift + quarter * np.pi / 2 * axis)
-            for axis in np.eye(measured.mechanism.n)[turns]
-            for quarter in (-1, 1, 2)
-        ]
-        leaves = min(_all_scored(measured, tried), key=lambda s: float(s.each.sum()))
-        if not float((best.each - leaves.each).sum()) > ALIKE:
+        for axes in (joints, links):
+            tried = [
+                _shifted(start.convention, best.convention.shift + quarter * np.pi / 2 * axis)
+                for axis in axes
+                for quarter in (-1, 1, 2)
+            ]
+            others = _all_scored(measured, tried) if tried else ()
+            leaves = min(others, key=lambda s: float(s.each.sum()), default=best)
+            if float((best.each - leaves.each).sum()) > ALIKE:
+                best = leaves
+                break
+        else:
             return best
-        best = leaves
     return best
 
 

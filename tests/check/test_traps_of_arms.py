@@ -230,14 +230,15 @@ def answers(verdict, about):
     return {q.question: q for q in verdict.questions if about in q.question}
 
 
-def test_zeros_that_are_off_by_quarter_turns_are_no_wrong_gears(arm, table):
+@pytest.mark.parametrize("turns", [(-90, 0), (0, 180), (-90, 90), (90, 90)])
+def test_zeros_that_are_off_by_quarter_turns_are_no_wrong_gears(arm, table, turns):
     """As given by motors whose zeros are not those of the file: all rivals are tested together."""
-    for j, turn in ((0, -np.pi / 2), (1, np.pi)):
-        zero = wrist.ZERO * (j > 0) - turn * (np.arange(3) == j) * (j > 0)
-        first = check(wrist.dataset(arm, table, offset=zero)).findings[0]
-        assert first.kind == "shifted_angle"
-        assert f"add {round(np.degrees(turn)):+d} degrees to angle {j + 1}" in first.text
-        assert "equivalently" not in first.text
+    wrong = wrist.ZERO - np.radians([*turns, 0])
+    first = check(wrist.dataset(arm, table, offset=wrong)).findings[0]
+    assert first.kind == "shifted_angle"
+    off = [f"{turn:+d} degrees to angle {j}" for j, turn in enumerate(turns, start=1) if turn]
+    assert f"add {', '.join(off)}: " in first.text
+    assert "equivalently" not in first.text
 
 
 def test_the_zero_of_a_vertical_first_axis_does_not_show(tmp_path):
