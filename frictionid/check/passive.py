@@ -120,7 +120,7 @@ def rest_tests(
 ) -> Iterator[tuple[Answer, Finding | None]]:
     """Whether each joint's friction can hold the loads under which it rests, a finding where not.
 
-    The load [N m] is what 90 % of the windows in which all joints rest stay below; if torque and
+    The load [N m] is what 90 % of the windows in which the joint rests stay below; if torque and
     gravity added up, it must exceed the band of friction to say anything.
     """
     nominal = tests.rows.at(tests.measured.nominal)
@@ -128,7 +128,7 @@ def rest_tests(
     still, top = _still(tests, nominal.inertia[..., 0], gravity), np.abs(gravity).max(0)
     for j in range(tests.measured.mechanism.n):
         level, error = estimate.at(f"coulomb_{j + 1}")
-        push, weight = torque[still, j], gravity[still, j]
+        push, weight = torque[still[:, j], j], gravity[still[:, j], j]
         if len(push) < FEWEST:
             yield (None, "it hardly rests under load"), None
             continue
@@ -151,11 +151,12 @@ def rest_tests(
 
 
 def _still(tests: HypothesisTests, inertia: Array, gravity: Array) -> Array:
-    """Windows (K,) in which all joints rest."""
-    slow = (np.abs(tests.rows.w) < tests.measured.speeds.threshold).all(1)
+    """Windows (K, n) in which each joint rests, and those with which parts of it turn."""
+    slow = np.abs(tests.rows.w) < tests.measured.speeds.threshold
     # a joint that swings through a reversal is slow on average, too: look at the acceleration
-    steady = (np.abs(inertia) < 0.02 * np.abs(gravity).max(0) + 1e-12).all(1)
-    out: Array = slow & ~tests.rows.moving.any(1) & steady
+    steady = np.abs(inertia) < 0.02 * np.abs(gravity).max(0) + 1e-12
+    acts = tests.measured.mechanism.friction_map != 0
+    out: Array = ~(~(slow & ~tests.rows.moving & steady) @ (acts.T @ acts))
     return out
 
 

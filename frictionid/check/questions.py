@@ -79,7 +79,8 @@ def _conventions(scored: Sequence[Scored]) -> Question:
     advantages = [s.advantage(first) for s in others]
     mirrors = [s for s, a in zip(others, advantages, strict=True) if abs(a) < ALIKE]
     worse = [s for s, a in zip(others, advantages, strict=True) if abs(a) >= ALIKE]
-    left = f"as given {percent_unexplained(first.score)} of the torque stays unexplained"
+    share = percent_unexplained(first.score)
+    left = f"as given {share} of the torque stays unexplained, whatever the friction"
     # the first of those that look the same
     best = min(worse, key=lambda s: round(s.score, 6), default=None)
     if best is not None:
@@ -98,7 +99,7 @@ def _signs(tests: HypothesisTests) -> list[Question]:
     """Whether each torque pushes where the joint accelerates to."""
     unless = ", if nothing else is wrong" if _rivals(tests) else ""
     out = []
-    for e in tests.model_errors:
+    for e in sorted(tests.model_errors, key=lambda e: (len(e.words), e.words)):  # by joint
         if e.kind == "gain" and "all" not in e.words:
             size = f"{e.size:.2g} +- {e.error:.1g} times what the acceleration needs"
             question = f"sign of {e.words.removeprefix('gain of ')}"

@@ -319,8 +319,7 @@ def velocity_findings(measured: Measured) -> Iterator[Finding]:
     if late:
         seconds = float(np.median([lags[j].seconds for j in late]))
         words = {
-            "plural": "s" * (len(late) > 1),
-            "joints": ", ".join(str(j + 1) for j in late),
+            "joints": ", ".join(measured.mechanism.joints[j] for j in late),
             "size": abs(seconds),
             "word": "behind" if seconds > 0 else "ahead of",
         }

@@ -53,6 +53,19 @@ def test_joints_that_move_in_turn_and_rest_most_of_the_time(tmp_path):
             assert abs(value - true) < 3 * error and error < most * true, (key, j)
 
 
+def test_a_joint_that_bears_no_load_hides_no_other_at_rest(tmp_path):
+    upright = wrist.mechanism(tmp_path, gravity=[0.0, -9.81, 0.0])
+    verdict = check(wrist.dataset(upright, wrist.frames_joint_by_joint(upright)))
+    rest = answers(verdict, "gravity at rest").values()
+    assert ["hardly rests" in answer.words for answer in rest] == [True, False, False]
+    signs = answers(verdict, "sign of torque")
+    assert list(signs) == [f"sign of torque {j}" for j in (1, 2, 3)]
+    assert (
+        "unexplained, whatever the friction"
+        in answers(verdict, "signs")["signs, frames, units"].words
+    )
+
+
 def test_friction_of_a_coupled_motor_that_is_not_declared_stays_unexplained(arm, table, tmp_path):
     """The balances of the joints that it turns show it."""
     without = wrist.uncoupled(tmp_path)
@@ -191,7 +204,7 @@ def test_the_negative_gear_of_a_real_wrist(real_data, tmp_path):
                 ' "filtered_velocity_arm_3", "filtered_velocity_arm_4"]\n\n[units]',
             ),
             "late_velocity",
-            "joints 1, 2, 3, 4 is 0.19 s behind",
+            "velocity of arm_1_joint, arm_2_joint, arm_3_joint, arm_4_joint is 0.19 s behind",
         ),
     ],
 )
