@@ -274,20 +274,23 @@ def _side(
     room = np.array([j.limits.upper - j.limits.lower for j in joints])
     turns = np.isfinite(room)
     room = np.where(turns, room, _DEGREES)
+    said = {unit_of(name, "angle") for name in columns}
+    sizes = {"rad": 1.0, "deg": np.pi / 180}
+    sizes = {unit: size for unit, size in sizes.items() if said == {unit}} or sizes
+    fits = [unit for unit, size in sizes.items() if (size * travel <= _BEYOND * room).all()]
+    first, *_, last = *sizes, *sizes
     named = any("motor" in words(name) for name in columns)
     span = f"travel of up to {travel.max():.3g}, where the file allows {room[travel.argmax()]:.3g}"
-    if named or (gear is not None and (travel > _BEYOND * room).any()):
-        ratio = np.abs(np.asarray(gear if gear is not None else 1.0, dtype=float))
-        fits = (travel / ratio <= _BEYOND * room).all()
-        unit = "rad" if gear is None or fits else "deg"
+    if named or (gear is not None and first not in fits):
+        ratio = np.abs(np.asarray(gear if gear is not None else np.inf, dtype=float))
+        turned = (sizes[first] * travel / ratio <= _BEYOND * room).all()
+        unit = first if turned else last
         return "motor", unit, f"{'named like motors' if named else span}; taken as {unit}"
-    if (travel <= _BEYOND * room).all():
-        return "joint", "rad", f"{span} rad"
-    if counts_of(np.stack(angles)):
+    if "rad" not in fits and len(sizes) > 1 and counts_of(np.stack(angles)):
         return "joint", "counts", f"{span} rad: counts, a guess, see [motor]"
-    if (np.radians(travel) <= _BEYOND * room).all():
-        return "joint", "deg", f"{span} rad: degrees"
-    return "motor", "rad", f"{span} rad: angles of the motors, before a gear"
+    if fits:
+        return "joint", fits[0], f"{span} rad{': degrees' if fits[0] == 'deg' else ''}"
+    return "motor", first, f"{span} rad: angles of the motors, before a gear"
 
 
 # --- Columns of an IMU ----------------------------------------------------------------------------

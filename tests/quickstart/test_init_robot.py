@@ -142,6 +142,8 @@ def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
     document, out = call(motors)
     assert document["motor"]["gear"] == 1.0 and "missing: gear ratios (--gear" in out
     assert "next: write the gear into dataset.toml, then frictionid check" in out
+    degrees = named({"motor_pos_{}_deg": np.degrees(turned), "tau_{}": u}, range(1, 4))
+    assert call(degrees)[0]["units"]["angle"] == "deg"  # by the names alone
     # with the gears, the motion itself says where the angles have their zero
     document, out = call(motors, "--gear", "50,60,-40")
     assert "gear ratios" not in out
