@@ -28,11 +28,12 @@ def init(
     time: str = "",
     angle: str = "",
     torque: str = "",
+    replace: bool = False,
     json: bool = False,
 ) -> None:
     """Guess what the columns of tables are, and write dataset.toml and a first suite.toml.
 
-    What is not given is asked for in a terminal. Files that are there are never overwritten.
+    What is not given is asked for in a terminal.
 
     Parameters
     ----------
@@ -53,8 +54,9 @@ def init(
 
     source = tables_at(tables, time)
     dataset_file, suite_file = (source.folder / f"{name}.toml" for name in ("dataset", "suite"))
-    _check_free(dataset_file)
-    check_outputs([dataset_file])
+    if not replace:
+        _check_free(dataset_file)
+    check_outputs([dataset_file, suite_file], replace=True)
     named = {"time": time, "angle": angle, "torque": torque}
     columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
     rule = "be P and D with a comma, e.g. --gains 20,1.5"
@@ -75,12 +77,36 @@ def init(
     else:
         machine = _mechanism(mechanism, sets)
         described = describe_tables(source, machine, _motor(source, machine, facts))
-    _check_free(suite_file, left=described.suite_toml.encode())
-    _write(source, described, json)
+    if not replace:
+        _check_free(suite_file, left=described.suite_toml.encode())
+    given = {"mechanism": mechanism, "kt": kt, "gear": gear, "gains": gains, **named}
+    _write(source, described, json, _again(tables, described, given, set_ or []))
+
+
+def _again(paths: list[Path], described: Described, given: dict[str, str], sets: list[str]) -> str:
+    """The call that gives constants of motors which are missing, joint by joint; or ""."""
+    import json
+    import shlex
+
+    import numpy as np
+
+    draft, joints = described.draft, described.draft.machine.joints
+    options, missing = dict(given), False
+    for key in {"kt", "gear"} & {*draft.motor}:
+        each = [str(number) for number in np.ravel(draft.motor[key])]
+        if draft.comments.get(f"motor.{key}", "").startswith("MISSING"):
+            each, missing = [f"{key}_{joint}" for joint in joints], True
+        options[key] = ",".join(each)
+    if "locked" in draft.mechanism:
+        others = [text for text in sets if not text.startswith("joints=")]
+        sets = [*others, f"joints={json.dumps(joints)}"]
+    words = [*map(str, paths), *(f"--{key}={text}" for key, text in options.items() if text)]
+    words += [*(f"--set={text}" for text in sets), "--replace"]
+    return f"frictionid init {shlex.join(words)}" if missing else ""
 
 
 def _check_free(file: Path, left: bytes | None = None) -> None:
-    """What somebody has written is never overwritten here, so that there is no --replace.
+    """What somebody has written is not overwritten unasked.
 
     Parameters
     ----------
@@ -90,11 +116,11 @@ def _check_free(file: Path, left: bytes | None = None) -> None:
 
     if os.path.lexists(file) and not (left and file.is_file() and file.read_bytes() == left):
         raise InputError(
-            f"{file} is there already and is not overwritten; edit it, or rename it and start again"
+            f"{file} is there already: edit it, rename it, or --replace to write over it"
         )
 
 
-def _write(tables: Tables, described: Described, json: bool) -> None:
+def _write(tables: Tables, described: Described, json: bool, again: str) -> None:
     import tomllib
 
     from frictionid.files import json_text, write_text
@@ -114,6 +140,8 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
     print(f"written to {tables.folder / 'dataset.toml'} and {tables.folder / 'suite.toml'}")
     for text in described.draft.missing:
         print(f"missing: {text}")
+    if again:
+        print(f"with constants: {again}")
     command = "check" if described.draft.machine.kind in ("urdf", "mjcf") else "quick"
     first = "".join(
         f"write the {text.split()[0]} into dataset.toml, then "

@@ -161,7 +161,7 @@ def _comments(
         file.format: "meshes are not looked at",
         "joints": "those with columns, in their order; others are locked",
         "base": "the file lets it go: " + ("its IMU says how" if columns.imu else _HELD),
-        "locked": locked or "no column, or no motor that is measured",
+        "locked": locked or "left out, or no motor that is measured",
         "driven": "no torques, no targets",
         "": "\n".join(_limits(columns.joints)),
         **{p.name: "; of the file" if p.default else "; not in it" for p in machine.parameters},
@@ -172,7 +172,7 @@ def _comments(
 
 def _taken(gains: "Mapping[str, Gain | None]") -> str:
     each = (f"{j} {gain[0]:.3g} +- {gain[1]:.1g}" for j, gain in gains.items() if gain)
-    return f"taken as the masses of the file ask for, {', '.join(each)}"
+    return f"taken as the masses of the file ask for, and right if these are, {', '.join(each)}"
 
 
 def _stand_in(machine: Mechanism, joints: Sequence[Joint]) -> dict[str, float]:

@@ -125,17 +125,15 @@ def robot_columns(
     InputError
         Where no angles can be assigned.
     """
-    base, movable = _movable(robot)
-    movable = [j for j in movable if only is None or j.name in only]
+    base, every = _movable(robot)
+    movable = [j for j in every if only is None or j.name in only]
     named = dict(named or {})
     check_named(table, named)
     imu = imu_columns(table) if base else {}
     left = [name for name in table.columns if name not in names_of(imu)]
-    by = {}
-    for kind in ("angle", "torque", "current", "velocity", "target"):
-        called = named.get(kind) or [n for n in left if _is(n, kind)]
-        # those of a sensor where they name as many as all do
-        by[kind] = max((_assigned(movable, names) for names in by_trust(called)), key=len)
+    kinds = ("angle", "torque", "current", "velocity", "target")
+    called = {kind: named.get(kind) or [n for n in left if _is(n, kind)] for kind in kinds}
+    by = {kind: _most_assigned(movable, called[kind]) for kind in kinds}
     if not by["angle"]:
         by["angle"] = _named_alike(movable, left)
     if not by["angle"]:
@@ -157,7 +155,8 @@ def robot_columns(
     driven = [j for j in joints if j.name in pushes] if pushes else joints
     silent = _silent(table, [j for j in driven if pushes], pushes)
     kept = tuple(j for j in driven if j.name not in (*silent, *mute))
-    still = [j for j in joints if j not in kept]
+    logged = {**_most_assigned(every, called["angle"]), **by["angle"]}
+    still = [j for j in every if j.name in logged and j not in kept]
     angle = tuple(by["angle"][j.name] for j in kept)
     side, unit, evidence = _side(table, kept, angle, gear)
     return RobotColumns(
@@ -167,7 +166,7 @@ def robot_columns(
         tuple(pushes[j.name] for j in kept if pushes),
         _of_all(kept, by["velocity"]),
         () if pushes else _of_all(kept, by["target"]),
-        {j.name: round(float(np.nanmean(table.columns[by["angle"][j.name]])), 4) for j in still},
+        {j.name: round(float(np.nanmean(table.columns[logged[j.name]])), 4) for j in still},
         _words_of(silent, pushes),
         side,
         unit,
@@ -200,13 +199,19 @@ def _is(name: str, kind: str) -> bool:
 
 
 def tokens(name: str) -> frozenset[str]:
-    """What tells a joint from others in a name: words and numbers that say no quantity.
+    """What tells a joint from others in a name: words and numbers that say no quantity or unit.
 
-    >>> sorted(tokens("position_arm_1")), sorted(tokens("FL_hip_joint")), sorted(tokens("q2"))
+    >>> sorted(tokens("position_arm_1")), sorted(tokens("FL_hip_joint")), sorted(tokens("i_2_A"))
     (['1', 'arm'], ['fl', 'hip'], ['2'])
     """
     numbers = {str(int(number)) for number in re.findall(r"\d+", name)}
-    return frozenset(({*words(name)} - _PLAIN) | numbers)
+    unit = unit_of(name, "torque") if quantity_of(name) == "current" else ""
+    return frozenset(({*words(name)} - _PLAIN - {*words(unit)}) | numbers)
+
+
+def _most_assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
+    """Columns by the names of the joints: those of a sensor where they name as many as all do."""
+    return max((_assigned(joints, names) for names in by_trust(columns)), key=len)
 
 
 def _assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:

@@ -134,13 +134,15 @@ def test_the_first_suite_can_be_compared(call, tmp_path):
         assert {task.recipe.name for task in tasks} == {"shooting"}
 
 
-def test_what_is_there_is_never_overwritten(call, tmp_path):
+def test_what_is_there_is_overwritten_with_replace_only(call, tmp_path):
     for name in ("dataset.toml", "suite.toml"):
         file = tmp_path / "arm" / name
         file.write_text("mine")
         assert_one_line(call(ARM), f"arm/{name} is there already")
         assert file.read_text() == "mine"
-        file.unlink()
+        assert call(f"{ARM} --replace")[0] == 0
+        assert "mine" not in file.read_text()
+        (tmp_path / "arm" / "dataset.toml").unlink()
 
 
 MISSING = r"""

@@ -202,12 +202,15 @@ def test_a_joint_that_hardly_moves_is_locked_where_it_stands(arm, tmp_path, run)
     assert dataset.mechanism.joints == ("one", "two")
 
 
-def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exact):
+def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exact, run):
     _, q, u = exact
     factors = np.array([3.0, -2.0, 5.0])
     currents = named({"q_{}": q, "current_{} [A]": u / factors})
     document, out = call(currents)
     assert document["motor"]["kt"] == 1.0 and "missing: torque constants" in out
+    assert "masses of the file ask for, and right if these are, one " in out
+    assert "--kt=kt_one,kt_two,kt_three --gear=gear_one,gear_two,gear_three" in out
+    assert "joints=" not in out and "--replace\nnext: " in out
     np.testing.assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
     document, _ = call(currents, "--gear", "2")
     np.testing.assert_allclose(document["motor"]["kt"], factors / 2, rtol=0.05)
@@ -223,6 +226,12 @@ def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exac
     np.testing.assert_allclose(document["motor"]["gear"], factors[:2] / [0.5, 0.25], rtol=0.1)
     assert document["mechanism"]["joints"] == ["one", "two"]
     assert "three" in document["mechanism"]["locked"]
+    again = re.search("with constants: frictionid (.*)", out)[1]
+    assert "--kt=0.5,0.25 --gear=gear_one,gear_two " in again
+    assert run(call.folder.parent, again.replace("gear_one,gear_two", "6,-8"))[0] == 0
+    written = tomllib.loads((call.folder / "dataset.toml").read_text())
+    assert written["motor"]["gear"] == [6.0, -8.0]
+    assert written["mechanism"] == document["mechanism"]
     assert "in current_three [A] no load shows" in " ".join(out.replace("#", "").split())
     currents = named({"q_{}": q, "current_{} [A]": u / 3.0})
     document, out = call(currents, "--kt", "0.05", "--gear", "60")
