@@ -159,6 +159,8 @@ def robot_columns(
     still = [j for j in every if j.name in logged and j not in kept]
     angle = tuple(by["angle"][j.name] for j in kept)
     side, unit, evidence = _side(table, kept, angle, gear)
+    size = {j.name: np.pi / 180 if unit == "deg" and j.kind != "prismatic" else 1.0 for j in still}
+    mean = {name: factor * np.nanmean(table.columns[logged[name]]) for name, factor in size.items()}
     return RobotColumns(
         kept,
         base,
@@ -166,7 +168,7 @@ def robot_columns(
         tuple(pushes[j.name] for j in kept if pushes),
         _of_all(kept, by["velocity"]),
         () if pushes else _of_all(kept, by["target"]),
-        {j.name: round(float(np.nanmean(table.columns[logged[j.name]])), 4) for j in still},
+        {name: round(float(angle), 4) for name, angle in mean.items()},
         _words_of(silent, pushes),
         side,
         unit,

@@ -267,10 +267,11 @@ def test_velocities_behind_a_filter_are_left_out(call, exact):
 def test_joints_without_a_torque_are_locked_where_they_are(call, exact):
     _, q, u = exact
     u = u * [1.0, 1.0, 1e-4]
-    document, out = call(named({"q_{}": q, "tau_{}": u}), known=(("one", 0.4),))
-    assert document["mechanism"]["joints"] == ["one", "two"]
-    assert document["mechanism"]["locked"]["three"] == pytest.approx(q[:, 2].mean(), abs=1e-3)
-    assert "tau_three stay near zero" in out
+    for angles in ({"q_{}": q}, {"q_{}": np.degrees(q)}):
+        document, out = call(named({**angles, "tau_{}": u}), known=(("one", 0.4),))
+        assert document["mechanism"]["joints"] == ["one", "two"]
+        assert document["mechanism"]["locked"]["three"] == pytest.approx(q[:, 2].mean(), abs=1e-3)
+        assert "tau_three stay near zero" in out
 
 
 def test_a_free_root_is_held_and_targets_stand_for_torques(call, exact, tmp_path, monkeypatch):
