@@ -79,30 +79,31 @@ def init(
         described = describe_tables(source, machine, _motor(source, machine, facts))
     if not replace:
         _check_free(suite_file, left=described.suite_toml.encode())
-    given = {"mechanism": mechanism, "kt": kt, "gear": gear, "gains": gains, **named}
-    _write(source, described, json, _again(tables, described, given, set_ or []))
+    options = {"mechanism": mechanism, "kt": kt, "gear": gear, "gains": gains, **named}
+    _write(source, described, json, _again(tables, described, options, set_ or []))
 
 
-def _again(paths: list[Path], described: Described, given: dict[str, str], sets: list[str]) -> str:
+def _again(
+    paths: list[Path], described: Described, options: dict[str, str], sets: list[str]
+) -> str:
     """The call that gives constants of motors which are missing, joint by joint; or ""."""
     import json
     import shlex
 
     import numpy as np
 
-    draft, joints = described.draft, described.draft.machine.joints
-    options, missing = dict(given), False
+    draft, missing = described.draft, False
     for key in {"kt", "gear"} & {*draft.motor}:
         each = [str(number) for number in np.ravel(draft.motor[key])]
         if draft.comments.get(f"motor.{key}", "").startswith("MISSING"):
-            each, missing = [f"{key}_{joint}" for joint in joints], True
+            each, missing = [f"{key}_{joint}" for joint in draft.machine.joints], True
         options[key] = ",".join(each)
     if "locked" in draft.mechanism:
-        others = [text for text in sets if not text.startswith("joints=")]
-        sets = [*others, f"joints={json.dumps(joints)}"]
-    words = [*map(str, paths), *(f"--{key}={text}" for key, text in options.items() if text)]
-    words += [*(f"--set={text}" for text in sets), "--replace"]
-    return f"frictionid init {shlex.join(words)}" if missing else ""
+        sets = [*sets, f"joints={json.dumps(draft.machine.joints)}"]  # the last one counts
+    words = [f"--{key}={text}" for key, text in options.items() if text]
+    words += [f"--set={text}" for text in sets]
+    said = shlex.join(["init", *map(str, paths), *words, "--replace"])
+    return f"frictionid {said}" if missing else ""
 
 
 def _check_free(file: Path, left: bytes | None = None) -> None:

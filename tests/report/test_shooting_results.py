@@ -54,11 +54,11 @@ block = "offset"; name = "angle offset"; value = 0.02; error = 1e-3; joint = 0
 block = "offset"; name = "angle offset"; value = -0.02; error = 1e-3; joint = 0
     => lies below the true one
 block = "inertia"; name = "gravity"; value = 1.2; error = 0.01; nominal = 1.0
-    => 1 of 1 identified with a nominal value differ from it: gravity by +20 % (+18 to +22)
+    => 1 of 1 with a nominal value differ: gravity by +20 % (+18 to +22)
 block = "inertia"; name = "gravity"; value = 1.2; error = 0.2; nominal = 1.0
-    => 0 of 1 identified with a nominal value differ from it (95 % intervals)
+    => 0 of 1 with a nominal value differ (95 % intervals)
 block = "inertia"; name = "Ixy"; value = 1.2; error = 0.1; nominal = -1e-4; unit = "kg m^2"
-    => 1 of 1 identified with a nominal value differ from it: Ixy by +1.2 kg m^2 (+1.0 to +1.4)
+    => 1 of 1 with a nominal value differ: Ixy by +1.2 kg m^2 (+1.0 to +1.4)
 block = "actuator"; name = "kt"; value = 0.5; error = 0.01; nominal = 0.4
     => Kt: 0.50 N m (0.48 to 0.52); nominal 0.4, difference +25 % (+20 to +30)
 """

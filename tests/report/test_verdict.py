@@ -31,6 +31,7 @@ def model(name, error, *, size=4, noise=SHARED, role="fitted"):
 def test_a_simple_model_that_is_hardly_worse_is_enough(tmp_path):
     found = verdict(tmp_path, [model("rich", 0.2, size=40), model("plain", 0.204)])
     assert (found.kind, found.recommended) == ("simple_enough", "plain")
+    assert "0 of 1 other models are practically worse, 1 not practically better" in found.sentence
     assert (found.folds, found.recordings, found.horizon) == (4, 5, 0.5)
     rich, plain = found.candidate("rich"), found.candidate("plain")
     assert rich.standing == "best" and rich.loss is None
