@@ -284,10 +284,14 @@ def _with_gears(draft: Draft, best: Convention) -> dict[str, Any] | None:
         return {**motor, "gear": (gear * flips).tolist()}
     if best.kind not in (SHIFTED, ABSOLUTE):
         return None
-    zero = np.broadcast_to(np.asarray(motor.get("offset", 0.0), dtype=float), n) + best.shift
+    before = np.broadcast_to(np.asarray(motor.get("offset", 0.0), dtype=float), n)
+    zero = best.angle @ before + best.offset
     there = {"offset": [round(float(radians), 6) for radians in zero]}
     if np.array_equal(best.angle, np.eye(n)):
         return {**motor, **there}
+    turns_both = motor.get("angle") == "motor" and {"kt", "torque"} & {*motor}
+    if turns_both and np.array_equal([best.angle, best.torque], [np.diag(flips)] * 2):
+        return {**motor, "gear": (gear * flips).tolist(), **there}
     if motor or not np.array_equal(best.torque, np.eye(n)):
         return None
     return {"coupling": np.linalg.inv(best.angle).tolist(), "angle": "motor", **there}

@@ -144,10 +144,10 @@ def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
     assert "next: write the gear into dataset.toml, then frictionid check" in out
     assert call(named({"motor_pos_{}_deg": q, "tau_{}": u}))[0]["units"]["angle"] == "deg"
     # with the gears, the motion itself says where the angles have their zero
-    document, out = call(motors, "--gear", "50,60,-40")
-    assert "gear ratios" not in out
-    np.testing.assert_allclose(document["motor"]["offset"], wrist.ZERO, atol=1e-6)
-    same(call.folder, exact)
+    for gears in ("50,60,-40", "50,60,40"):
+        document, _ = call(motors, "--gear", gears)
+        np.testing.assert_allclose(document["motor"]["offset"], wrist.ZERO, atol=1e-6)
+        same(call.folder, exact)
     document, out = call(named({"q_{}": q - wrist.ZERO, "tau_{}": u}))
     np.testing.assert_allclose(document["motor"]["offset"], wrist.ZERO, atol=1e-6)
     assert "gear" not in document["motor"] and "MISSING" not in out
