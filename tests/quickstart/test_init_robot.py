@@ -109,7 +109,7 @@ def test_columns_of_sensors_come_before_filtered_ones_and_commands(call, exact):
     same(call.folder, exact)
 
 
-def test_degrees_of_joints_are_known_by_the_limits_of_the_file(call, exact):
+def test_degrees_and_counts_of_joints_are_known_by_the_limits_of_the_file(call, exact):
     time, q, u = exact
     w = np.degrees(np.gradient(q, time, axis=0))
     table = named({"pos_{}": np.degrees(q), "vel_{}": w, "effort_{}": u})
@@ -119,13 +119,8 @@ def test_degrees_of_joints_are_known_by_the_limits_of_the_file(call, exact):
     assert document["columns"]["velocity"] == ["vel_one", "vel_two", "vel_three"]
     assert "limits of the file" in out and "one: -2 to 2, 3, 60" in out
     same(call.folder, exact)
-
-
-def test_counts_of_servos_are_known_by_their_range(call, exact):
-    counts = np.rint(2048 + 4096 / (2 * np.pi) * exact[1])
-    call(named({"pos_{}": counts, "effort_{}": exact[2]}))
-    angle = load_dataset(call.folder).recordings[0].angle.value
-    np.testing.assert_allclose(angle, exact[1], atol=np.pi / 4096 + 1e-6)
+    call(named({"pos_{}": np.rint(2048 + 2048 / np.pi * q), "effort_{}": u}))
+    np.testing.assert_allclose(load_dataset(call.folder).recordings[0].angle.value, q, atol=8e-4)
 
 
 def test_the_only_robot_of_a_folder_is_taken_and_meshes_are_not_looked_at(call, exact, joints, arm):
