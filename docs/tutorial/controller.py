@@ -44,8 +44,8 @@ def main() -> None:
         return (forward[:, k] + STIFF * (q[k] - measured) + DAMPED * (w[k] - speed))[:, None]
 
     start = np.zeros((3, 2, 1))
-    done = sampled_loop(true_system(rig), command, start, time, delay=DELAY)
-    off = done.states[:, 0, :, 0] - q[:, None]
+    states, _ = sampled_loop(true_system(rig), command, start, time, delay=DELAY)
+    off = states[:, 0, :, 0] - q[:, None]
     for name, error in zip(("without", "with"), np.sqrt((off**2).mean(axis=0)), strict=True):
         print(f"tracking error {name} compensation: {1e3 * error:.1f} mrad")
 

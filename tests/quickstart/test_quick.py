@@ -191,7 +191,8 @@ def test_what_the_check_says_is_printed_before_a_law_is_fitted(place, monkeypatc
 
     monkeypatch.setattr("frictionid.quickstart.quick._compared", stopped)
     _, out, err = run(place, *shown("quick")[0])
-    assert out.startswith("arm: the data are good\n") and err == "frictionid: stopped\n"
+    assert out.startswith("arm: the data are good\n")
+    assert err == "1 of 8 done: check\nfrictionid: stopped\n"
     assert "law" not in run(place, *shown("quick")[0], "--json")[1]
 
 
@@ -251,7 +252,7 @@ def test_unusable_data_get_no_verdict_and_a_model_that_says_so(tmp_path, run):
         '[recordings]\npatterns = "*.csv"\n'
     )
     code, out, err = run(tmp_path, "quick arm")
-    assert (code, err) == (2, "") and "has the wrong sign" in out
+    assert (code, err) == (2, "1 of 8 done: check\n") and "has the wrong sign" in out
     assert "No law was fitted" in out and not (tmp_path / "quick.png").exists()
     line = "fit arm --identifier coulomb_viscous --by one_step --out m.json --json"
     code, out, err = run(tmp_path, line)
