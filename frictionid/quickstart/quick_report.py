@@ -336,9 +336,10 @@ def _friction(axes: Any, result: Quick, part: int, colours: dict[str, str]) -> N
 
 def _errors(axes: Any, result: Quick, colours: dict[str, str]) -> None:
     for place, c in enumerate(result.candidates):
-        offsets = np.linspace(-0.15, 0.15, len(c.by_fold))
-        axes.plot(place + offsets, c.by_fold, "o", color=colours[c.name], markersize=3, alpha=0.5)
-        axes.plot([place - 0.3, place + 0.3], 2 * [c.error], color=colours[c.name], linewidth=2)
+        offsets, colour = np.linspace(-0.15, 0.15, len(c.by_fold)), colours[c.name]
+        error, *folds = result.measure.shown(np.append(c.error, c.by_fold))
+        axes.plot(place + offsets, folds, "o", color=colour, markersize=3, alpha=0.5)
+        axes.plot([place - 0.3, place + 0.3], 2 * [error], color=colour, linewidth=2)
     plain_logarithm(axes)
     names = [c.name for c in result.candidates]
     axes.set_xticks(range(len(names)), names, rotation=20, ha="right")

@@ -56,8 +56,12 @@ class Measure(NamedTuple):
     def of_what(self) -> str:
         """What is an error, as the title of an axis."""
         if self.is_torque:
-            return "torque left, share of the measured rms"
+            return "torque left [% of the measured rms]"
         return f"error after {seconds(self.horizon)} [{self.unit}]"
+
+    def shown(self, errors: Array) -> Array:
+        """Errors in the unit of `of_what`."""
+        return 100 * errors if self.is_torque else errors
 
     def size(self, error: float) -> str:
         """An error with its unit."""

@@ -260,7 +260,7 @@ def errors_of_models(section: Section, styles: Styles) -> Any:
         height += 0.3
     axis.set_yticks(list(names), list(names.values()))
     axis.set_ylim(height - 0.3, -0.8)
-    values = np.concatenate([[c.error, *c.by_fold] for c in shown])
+    values = verdict.measure.shown(np.concatenate([[c.error, *c.by_fold] for c in shown]))
     values = values[np.isfinite(values) & (values > 0)]
     plain_logarithm(axis, "x")
     axis.set_xlim(0.85 * values.min(), 1.15 * values.max())
@@ -281,14 +281,15 @@ def _candidate_errors(
     axis: Any, candidate: Candidate, height: float, colour: str, verdict: Verdict
 ) -> None:
     """A model's folds as dots, hollow where it cannot be recommended, and its error as a bar."""
-    folds = candidate.by_fold[np.isfinite(candidate.by_fold)]
+    error, *folds = verdict.measure.shown(np.append(candidate.error, candidate.by_fold))
+    folds = [e for e in folds if np.isfinite(e)]
     face = "white" if candidate.unfit else mixed(colour, 0.45)
     dots = {"markersize": 3.4, "markeredgewidth": 0.7, "markerfacecolor": face}
     axis.plot(folds, np.full(len(folds), height), "o", color=colour, zorder=3, **dots)
-    axis.plot(candidate.error, height, "|", color=colour, markersize=11, markeredgewidth=2.2)
+    axis.plot(error, height, "|", color=colour, markersize=11, markeredgewidth=2.2)
     name = candidate.name == verdict.provisional
     if name:
-        axis.plot(candidate.error, height, "*", color=DARK, markersize=8, zorder=4)
-    text, place = short(candidate.error), {"xycoords": ("axes fraction", "data"), "va": "center"}
+        axis.plot(error, height, "*", color=DARK, markersize=8, zorder=4)
+    text, place = short(error), {"xycoords": ("axes fraction", "data"), "va": "center"}
     weight = "bold" if name else "normal"
     axis.annotate(text, (1.01, height), **place, fontsize=7, weight=weight)
