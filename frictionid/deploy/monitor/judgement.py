@@ -22,6 +22,9 @@ from .explanation import CauseTests, Explanation, cause_tests, difference_of, ex
 
 Answer = Literal["changed", "unchanged", "other", "cannot_tell"]
 _BLIND = 1.0  # of the usual friction: a change that is not seen below this is not seen at all
+_MATTERS = (
+    0.1  # of the usual friction: a change that is none beyond chance, and yet no sign of none
+)
 _NO_GAIN = 0.5  # of the torque: more is no change of a sensor
 _TORN = 0.2  # of the time: what disturbs more is no push
 _CLOCK = "another time scale, which no torque tells apart"
@@ -102,6 +105,12 @@ def judge(
             "record more of its motion"
         )
     answer = _answer(explanation, joints, every_blind=len(blind) == n)
+    matters = totals.change.abs() > _MATTERS * baseline.level
+    maybe = totals[matters & (totals.low_95 * totals.high_95 > 0)]
+    if answer == "unchanged" and len(maybe):
+        answer = "cannot_tell"
+        each = (f"{baseline.joints[t.joint]} by {t.per_cent:+.0f} %" for t in maybe.itertuples())
+        notes.append(f"friction may have changed, of {', '.join(each)}: record more")
     lost = sum(s.end - s.begin for s in disturbed) / seconds
     if lost > _TORN:
         answer = "cannot_tell"

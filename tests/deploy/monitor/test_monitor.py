@@ -313,6 +313,16 @@ def test_what_joints_cannot_tell_is_said(known, fresh):
     assert any(note.startswith("joint 1: changes smaller") for note in said.notes)
 
 
+def test_a_change_that_few_recordings_do_not_show_beyond_chance_is_no_sign_of_none(
+    healthy, fresh, worn
+):
+    few = fid.baseline(subset(healthy, 0, 4))
+    found = fid.monitor(few, subset(worn[0], 0, 2))
+    assert found.answer == "cannot_tell"
+    assert "friction may have changed, of joint 1 by +18 %: record" in found.judgement.notes[-1]
+    assert fid.monitor(few, subset(fresh, 0, 2)).answer == "unchanged"
+
+
 def test_servos_whose_targets_are_late_have_the_same_friction_under_other_gains():
     rig = ServoPendulum()
 
