@@ -5,14 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
-from fixtures.tiny_pendulums import (
-    TRUTH,
-    dataset,
-    disturbed,
-    recordings,
-    shortened,
-    still,
-)
+from fixtures.tiny_pendulums import TRUTH, dataset, disturbed, recordings, shortened, still
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
@@ -194,10 +187,7 @@ def made(theta):
 BROKEN = {
     "one for all folds": (lambda _: np.ones((1, 1, 2)), r"shape \(1, 1, 2\), it must be \(4, 1,"),
     "two joints": (lambda F: np.ones((F, 2, 2)), r"shape \(4, 2, 2\), it must be"),
-    "a lost fold": (
-        lambda F: np.full((F, 1, 2), np.nan),
-        "fit failed: .*not finite",
-    ),
+    "a lost fold": (lambda F: np.full((F, 1, 2), np.nan), "fit failed: .*not finite"),
     "endless": (lambda F: np.full((F, 1, 2), np.inf), "fit failed: .*not finite"),
 }
 

@@ -11,13 +11,7 @@ from frictionid.comparison.fit_model import fit_model
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.evaluation import Protocol, prepare, score_model
-from frictionid.excitation import (
-    Experiment,
-    Search,
-    design_signals,
-    limits_of,
-    prior_friction_of,
-)
+from frictionid.excitation import Experiment, Search, design_signals, limits_of, prior_friction_of
 from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, problem_of, training_problem

@@ -7,14 +7,7 @@ import shutil
 import pytest
 from fixtures.forked import contents
 from fixtures.refusals import assert_refused
-from fixtures.tiny_pendulums import (
-    FEW,
-    QUICK,
-    compare_into,
-    timeless,
-    write_dataset,
-    write_suite,
-)
+from fixtures.tiny_pendulums import FEW, QUICK, compare_into, timeless, write_dataset, write_suite
 
 from frictionid.check import check
 from frictionid.comparison.results import load_results

@@ -14,9 +14,7 @@ from frictionid.comparison.registry import ESTIMATORS, IDENTIFIERS
 from frictionid.comparison.suite import PROTOCOL, SPLIT
 from frictionid.comparison.suite_recipes import SHOOTING
 from frictionid.friction import Friction
-from frictionid.friction.laws import (
-    check_law,
-)
+from frictionid.friction.laws import check_law
 from frictionid.friction.model_files import LAWS, load_model, save_model
 
 REQUIRED = {"gear_load": {"moment": 0.1}, "sklearn": {"estimator": "knn"}}

@@ -75,10 +75,7 @@ def values(results):
 
 def suite(place):
     identifier = {"kind": "own_scaled:Scaled", "name": "scaled", "search": FACTOR}
-    given = {
-        "identifiers": [{"kind": "none"}, identifier],
-        "tune": {"trials": 2, "folds": 2},
-    }
+    given = {"identifiers": [{"kind": "none"}, identifier], "tune": {"trials": 2, "folds": 2}}
     file = write_suite(place, {**changes(QUICK), **given})
     return load_suite(file), file
 

@@ -37,12 +37,7 @@ def dataset(torque, **overrides):
 def test_a_corrected_torque_acts_later_stronger_and_beside_its_zero(hold):
     time = np.arange(60) / 60
     torque = Signal(time, np.stack([0 * time, np.sin(9 * time)], axis=-1), hold)
-    calibration = replace(
-        Calibration.ideal(2),
-        delay=0.013,
-        gain=[3.0, 1.1],
-        bias=[9.0, 0.02],
-    )
+    calibration = replace(Calibration.ideal(2), delay=0.013, gain=[3.0, 1.1], bias=[9.0, 0.02])
     felt = calibrated_dataset(dataset(torque), calibration[None][0]).recordings[0].torque
     edges = np.linspace(0.1, 0.8, 40)
     expected = 1.1 * averages(torque, edges - 0.013)[:, 1] + 0.02

@@ -151,11 +151,7 @@ TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
     [
         (FRAME, {"angle": ["q1", "qq2"]}, "no column 'qq2'; did you mean 'q2'"),
         (TWICE, {}, "has 2 columns called 'q1'"),
-        (
-            FRAME.assign(q1="fast"),
-            {},
-            "row 0: column 'q1' holds 'fast', .* convert the column",
-        ),
+        (FRAME.assign(q1="fast"), {}, "row 0: column 'q1' holds 'fast', .* convert the column"),
         (FRAME.assign(q1="0,5"), {}, "holds '0,5', .* with decimal=\",\""),
         (FRAME.iloc[::-1], {}, "row 1: time must increase: 't' is 11950 after 12000"),
         (

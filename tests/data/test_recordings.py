@@ -257,10 +257,7 @@ def late(signal):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        (
-            {"angle": still(time=np.arange(4.0))},
-            r"shape \(T,\).*\(4,\) and \(5, 2\)",
-        ),
+        ({"angle": still(time=np.arange(4.0))}, r"shape \(T,\).*\(4,\) and \(5, 2\)"),
         ({"torque": still(value=np.zeros(5))}, r"torque: time must have shape"),
         ({"angle": still(0)}, "T, n > 0"),
         ({"torque": still(value=np.full((5, 2), np.nan))}, "torque, sample 0"),
@@ -274,10 +271,7 @@ def late(signal):
         ({"angle": still(sigma=np.ones(3))}, r"shape \(5, 2\), not \(3,\)"),
         ({"parameters": {"m4": np.inf}}, "parameter 'm4' must be finite, not inf"),
         ({"torque": late(still())}, "share no moment"),
-        (
-            {"angle": late(still()), "torque": still(hold="linear")},
-            "share no moment",
-        ),
+        ({"angle": late(still()), "torque": still(hold="linear")}, "share no moment"),
         ({"angle": still(1), "torque": still(1)}, "at least 2 samples"),
     ],
 )

@@ -25,10 +25,7 @@ def guessed(columns, driven=(True,), unit="rad", named=None):
 
 NAMED = {
     "plain": ({"t": TIME, "q": Q, "u": U}, "t in s, q in rad, u in N m"),
-    "microseconds": (
-        {"stamp": 1e6 * TIME, "q": Q, "tau": U},
-        "stamp in us, q in rad, tau in N m",
-    ),
+    "microseconds": ({"stamp": 1e6 * TIME, "q": Q, "tau": U}, "stamp in us, q in rad, tau in N m"),
     "as a bag of ROS": (
         {"%time": 1.7e18 + 1e9 * TIME, "field.position0": Q, "field.effort0": U},
         "%time in ns, field.position0 in rad, field.effort0 in N m",

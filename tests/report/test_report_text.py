@@ -40,10 +40,7 @@ def test_a_fold_that_is_not_finite_is_not_averaged_away(tmp_path):
 
 
 def test_friction_that_makes_things_worse_is_told(tmp_path):
-    tasks = [
-        made.task("none", 0.3, 0.1, role="none"),
-        made.task("bad", 0.4, 0.2),
-    ]
+    tasks = [made.task("none", 0.3, 0.1, role="none"), made.task("bad", 0.4, 0.2)]
     verdict = verdict_of(made.section(tmp_path, tasks))
     assert verdict.recommended == "none"
     assert made.answers(verdict)["friction"] == "no"

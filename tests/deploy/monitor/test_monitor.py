@@ -74,10 +74,7 @@ def fresh(first):
 @pytest.fixture(scope="module")
 def worn(first):
     """Five recordings with 20 % more of the levels of each joint."""
-    return (
-        subset(first, COUNT + 5, None),
-        simulate(rig(2, 5, wear=(0.0, 0.2), sudden=True)),
-    )
+    return subset(first, COUNT + 5, None), simulate(rig(2, 5, wear=(0.0, 0.2), sudden=True))
 
 
 @pytest.fixture(scope="module")
