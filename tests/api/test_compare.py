@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from fixtures import compared
 from fixtures.tiny_pendulums import dataset
+from numpy.testing import assert_array_equal
 
 import frictionid
 from frictionid.api.evaluate import training_notes
@@ -25,8 +26,8 @@ def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():
     for key, result in before.items():
         score = ("rollout_angle", "median", 0.3)
         assert now[key].value(*score) == result.value(*score)
-        np.testing.assert_array_equal(now[key].friction.theta, result.overall.theta)
-        np.testing.assert_array_equal(now[key].folds.theta, result.friction.theta)
+        assert_array_equal(now[key].friction.theta, result.overall.theta)
+        assert_array_equal(now[key].folds.theta, result.friction.theta)
 
 
 def test_all_models_of_a_comparison_are_fitted_alike():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.files import shipped_names
@@ -23,7 +24,7 @@ def test_a_card_is_a_model_with_all_that_it_should_say(name):
         assert f"{card.held_out.error:.3g}" in repr(card)
         assert card.recordings and card.seconds > 0
     same = fid.load_model(f"machine:{name}").friction
-    np.testing.assert_array_equal(same.theta, card.friction.theta)
+    assert_array_equal(same.theta, card.friction.theta)
     assert name in repr(card)
     if not card.published:
         friction = card.fit.frame[card.fit.frame.block == "friction"]
@@ -36,7 +37,7 @@ def test_a_card_has_the_inertia_that_was_identified(name):
     calibration = card.friction.calibration
     if card.mechanism is not None and calibration is not None and calibration.base is not None:
         base = card.mechanism.base(card.mechanism.nominal())
-        np.testing.assert_allclose(base, calibration.base, rtol=1e-6, atol=1e-9)
+        assert_allclose(base, calibration.base, rtol=1e-6, atol=1e-9)
 
 
 def test_the_list_has_a_line_for_each():

@@ -13,6 +13,7 @@ from fixtures.refusals import assert_refused
 from fixtures.result_folders import leave_blank
 from fixtures.seven_joints import urdf_text
 from matplotlib.figure import Figure
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.api.models import identifier_of
@@ -90,7 +91,7 @@ def test_the_command_writes_of_files_the_model_of_frames(stribeck, folder, tmp_p
     code, said, _ = run(tmp_path, "fit", folder, "--identifier", "stribeck", "--out", model)
     assert code == 0 and stribeck.method == "shooting"
     assert said == f"{stribeck!r}\nwritten to {model}\n"
-    np.testing.assert_array_equal(fid.load_model(model).friction.theta, stribeck.friction.theta)
+    assert_array_equal(fid.load_model(model).friction.theta, stribeck.friction.theta)
 
 
 def test_the_command_prints_the_verdict_of_the_function(data, folder, run):
@@ -113,8 +114,8 @@ def test_the_command_scores_as_the_function(plain, data, folder, tmp_path, run):
     run(tmp_path, "evaluate", tmp_path / "mine.json", folder, "--out", table)
     mine = fid.evaluate({"mine": plain.friction}, fid.load_dataset(folder))
     written = pd.read_csv(table)
-    np.testing.assert_allclose(written.value, mine.value, rtol=1e-8)
-    np.testing.assert_allclose(plain.score(folder).value, mine.value, rtol=1e-12)
+    assert_allclose(written.value, mine.value, rtol=1e-8)
+    assert_allclose(plain.score(folder).value, mine.value, rtol=1e-12)
     with pytest.warns(UserWarning, match="fitted to 5 of the 5 files"):
         plain.score(data)
 
@@ -128,7 +129,7 @@ def test_a_fit_shows_its_parameters_with_intervals(shot):
     for word in ("value", "95 % interval", "unit", "converged", "coulomb of joint 1", "N m s/rad"):
         assert word in text and word in shot._repr_html_()
     assert "shooting fit to 'arm': 5 recordings" in text
-    np.testing.assert_array_equal(shot.covariance.index, shot.covariance.columns)
+    assert_array_equal(shot.covariance.index, shot.covariance.columns)
     assert shot.convergence.settled and shot.calibration.base is not None
 
 
@@ -147,7 +148,7 @@ USUAL = {
 }
 
 
-@pytest.mark.parametrize(("law", "settings", "method"), USUAL.values(), ids=USUAL)
+@pytest.mark.parametrize("law, settings, method", USUAL.values(), ids=USUAL)
 def test_the_method_is_that_which_suits_what_is_fitted(data, law, settings, method):
     assert fid.fit(data, law, **settings).method == method
 
@@ -183,7 +184,7 @@ def test_intervals_of_one_step_fits_are_kept_in_files_and_in_comparisons(one_ste
     compared = fid.compare(data, ["stribeck"], folds=3, recipes="integral", horizons=[0.5])
     for other in (fid.load_model(tmp_path / "one_step.json"), compared["stribeck"].fit):
         for column in ("value", "low_95", "high_95"):
-            np.testing.assert_allclose(other.frame[column], one_step.frame[column], rtol=1e-5)
+            assert_allclose(other.frame[column], one_step.frame[column], rtol=1e-5)
 
 
 def test_a_saved_fit_is_the_same_but_for_its_data(shot, data, tmp_path):
@@ -223,7 +224,7 @@ def test_inverse_dynamics_frees_friction_beside_what_is_named(data):
 
 def test_a_calibration_may_be_a_fit(data, shot):
     held = fid.fit(data, "coulomb_viscous", calibration=shot)
-    np.testing.assert_array_equal(held.calibration.base, shot.calibration.base)
+    assert_array_equal(held.calibration.base, shot.calibration.base)
 
 
 def test_a_comparison_has_frames_and_a_verdict(bench):
@@ -241,7 +242,7 @@ def test_a_comparison_has_frames_and_a_verdict(bench):
 
 def test_a_model_of_a_comparison_is_the_fit_of_all_data(bench, data, stribeck):
     theta = bench["stribeck"].friction.theta
-    np.testing.assert_allclose(theta, stribeck.friction.theta, rtol=1e-12)
+    assert_allclose(theta, stribeck.friction.theta, rtol=1e-12)
     assert bench["stribeck"].recipe == stribeck.method
     assert bench["stribeck"].fit.data is data
 
@@ -258,9 +259,7 @@ def test_a_suite_gives_the_numbers_of_the_function(bench, folder, tmp_path, monk
     of = ("rollout_angle", "q90", 1.0)
     assert run["stribeck"].value(*of) == pytest.approx(bench["stribeck"].value(*of), rel=1e-12)
     loaded = fid.load_comparison(tmp_path / "out")
-    np.testing.assert_array_equal(
-        loaded["stribeck"].friction.theta, bench["stribeck"].friction.theta
-    )
+    assert_array_equal(loaded["stribeck"].friction.theta, bench["stribeck"].friction.theta)
     assert (tmp_path / "out" / "summary.md").exists()
 
 
@@ -272,7 +271,7 @@ def test_a_folder_holds_the_same_comparison(data, tmp_path, monkeypatch):
     pd.testing.assert_frame_equal(written.frame, memory.frame)
     read = fid.load_comparison(out, laws=[Own])
     for bench in (written, read):
-        np.testing.assert_array_equal(bench["Own"].friction.theta, memory["Own"].friction.theta)
+        assert_array_equal(bench["Own"].friction.theta, memory["Own"].friction.theta)
     assert (out / "summary.md").read_text() and list((out / "figures").glob("*.svg"))
     with assert_refused("is no comparison|holds no comparison|holds"):
         (tmp_path / "other").mkdir()
@@ -326,7 +325,7 @@ def test_a_law_of_ones_own_is_fitted_compared_saved_and_read(data, tmp_path):
     with assert_refused("law 'Own' is unknown"):
         fid.load_model(tmp_path / "own.json")
     loaded = fid.load_model(tmp_path / "own.json", laws=[Own])
-    np.testing.assert_array_equal(loaded.friction.theta, fit.friction.theta)
+    assert_array_equal(loaded.friction.theta, fit.friction.theta)
     bench = fid.compare(data, [Own, Own(width=0.1)], folds=2, horizons=[0.5])
     assert [name for name, _ in bench] == ["Own 1", "Own 2"]
 

@@ -16,7 +16,7 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, model_document
 
 MODEL = model_document(
-    Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"mass": 0.3}, {"source": "test"})
+    Friction(CoulombViscous(), [[0.02, 0.001]], {"mass": 0.3}, {"source": "test"})
 )
 BARE = {**json.loads(json.dumps(MODEL, default=lambda array: array.tolist())), "joints": None}
 BARE.pop("joints")

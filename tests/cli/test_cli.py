@@ -15,6 +15,7 @@ from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line
 from fixtures.tiny_pendulums import FEW, RATE, TRUTH, compare_into, write_dataset, write_suite
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS
@@ -90,7 +91,7 @@ def assert_scores(table, friction, data, **protocol):
     """Check a table against the scores of a model."""
     scores, *_ = score_model(friction, prepare(data, Protocol(horizons=(0.1, 0.3), **protocol)))
     table = table[~table["score"].str.startswith("torque_left_")]  # of no model
-    np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
+    assert_allclose(table["value"], scores["value"], rtol=1e-8)
     assert table["score"].tolist() == scores["score"].tolist()
 
 
@@ -105,7 +106,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     weights = np.ones((1, len(problem.r)))
     expected = checked_fit(identifier_named("stribeck", {}), problem, weights, 0)
     found = load_model(place / "models" / "fitted.json")
-    np.testing.assert_array_equal(found.theta, expected.theta[0])
+    assert_array_equal(found.theta, expected.theta[0])
     source = json.loads((place / "models" / "fitted.json").read_text())["provenance"]
     assert source["dataset"] == "tiny" and source["data"] == dict(data.hashes)
     assert source["seed"] == 0 and "integral" in source["recipe"]
@@ -157,7 +158,7 @@ def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call)
     assert (code, err) == (0, "")
     table = pd.read_csv(place / "scores.csv")
     own, built_in = (table[table["identifier"] == name].value for name in ("own", "built_in"))
-    np.testing.assert_allclose(own, built_in, rtol=1e-5)
+    assert_allclose(own, built_in, rtol=1e-5)
 
 
 def test_evaluate_counts_the_parameters_that_compare_counts(place, call):

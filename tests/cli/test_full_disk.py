@@ -55,7 +55,7 @@ def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(
     assert not any(".frictionid-" in n or n.endswith((".mp4", ".mov")) for n in new)
 
 
-@pytest.mark.parametrize(("size", "tasks"), [(16 << 10, 0), (192 << 10, 3)])
+@pytest.mark.parametrize("size, tasks", [(16 << 10, 0), (192 << 10, 3)])
 def test_a_comparison_goes_on_once_there_is_space(places, tmp_path, monkeypatch, size, tasks):
     """On a file system that is full before the first task, and after the last."""
     folder, disk, said = places["result"].parent / "compared", tmp_path / "disk", tmp_path / "said"

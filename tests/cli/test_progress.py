@@ -22,7 +22,7 @@ def shown(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("names", "jobs", "ends", "texts"),
+    "names, jobs, ends, texts",
     [("abc", 2, "bac", ["a, b", "a, c", "c", ""]), ("aa", 1, "aa", ["a", "a", ""])],
 )
 def test_what_runs_is_shown_from_the_begin_to_the_end(shown, names, jobs, ends, texts):

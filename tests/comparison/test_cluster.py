@@ -95,7 +95,7 @@ def assert_same_scores(folder, other):
 
 
 @pytest.mark.parametrize(
-    ("address", "line"),
+    "address, line",
     [
         ("127.0.0.1:1", "127.0.0.1:1: no Dask scheduler answers there (Timed out"),
         ("nonsense", "'nonsense' is no address of a scheduler: it is like tcp://10.0.0.1:8786"),

@@ -55,7 +55,7 @@ ESTIMATORS = {
 }
 
 
-@pytest.mark.parametrize(("name", "words"), ESTIMATORS.items(), ids=ESTIMATORS)
+@pytest.mark.parametrize("name, words", ESTIMATORS.items(), ids=ESTIMATORS)
 def test_estimators_are_classes_of_installed_packages(complaint, name, words):
     settings = {"args": ["touch", "harm"]}
     assert words in complaint(kind="sklearn", estimator=name, settings=settings)

@@ -157,7 +157,7 @@ ABSURD = {
 }
 
 
-@pytest.mark.parametrize(("change", "words"), ABSURD.values(), ids=ABSURD)
+@pytest.mark.parametrize("change, words", ABSURD.values(), ids=ABSURD)
 def test_benchmarks_that_cannot_be_prepared_are_refused_before_anything_is_fitted(change, words):
     change = {"protocol": PROTOCOL, **change}
     with assert_refused(words):
@@ -192,7 +192,7 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize(("theta", "words"), BROKEN.values(), ids=BROKEN)
+@pytest.mark.parametrize("theta, words", BROKEN.values(), ids=BROKEN)
 def test_the_friction_of_an_identifier_is_checked(theta, words, tmp_path):
     whole = benchmark()
     task = Task(whole, "broken", made(theta), INTEGRAL, 0)

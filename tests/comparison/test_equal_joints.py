@@ -50,7 +50,7 @@ LAWS = (CoulombViscous(), Stribeck(), Spline((1.0, 4.0)))
 TRUTHS = ([0.1, 0.02], [0.1, 0.04, 1.5, 0.02], [0.1, 0.14, 0.2])
 
 
-@pytest.mark.parametrize(("law", "true"), [*zip(LAWS, TRUTHS, strict=True)])
+@pytest.mark.parametrize("law, true", [*zip(LAWS, TRUTHS, strict=True)])
 def test_truth_in_truth_out(law, true):
     problem = problem_of(law, [true] * 2)
     found = LeastSquares(law, equal=EQUAL).fit(problem, np.ones((2, len(problem.r))), 0).theta

@@ -74,14 +74,14 @@ def fitted(method, travel, times):
 
 
 # the weights of rows of a one-step fit are those of a coarse fit
-@pytest.mark.parametrize(("method", "rel"), [("one_step", 0.03), ("shooting", 2e-3)])
-@pytest.mark.parametrize(("travel", "times"), [(1e-3, 1.0), (10.0, 0.1)])
+@pytest.mark.parametrize("method, rel", [("one_step", 0.03), ("shooting", 2e-3)])
+@pytest.mark.parametrize("travel, times", [(1e-3, 1.0), (10.0, 0.1)])
 def test_a_fit_does_not_depend_on_how_long_a_slide_is_or_how_slow(travel, times, method, rel):
     first, other = fitted(method, 1.0, 1.0), fitted(method, travel, times)
     assert other == pytest.approx(first, rel=rel)
 
 
-@pytest.mark.parametrize(("travel", "times"), SCALES)
+@pytest.mark.parametrize("travel, times", SCALES)
 def test_a_prediction_is_the_same_in_units_of_the_slide(travel, times):
     theta, speed = np.array([[4.0, 3.0]]), travel / times
     motions = []
@@ -157,7 +157,7 @@ def stage():
 
 
 @pytest.mark.parametrize(
-    ("method", "off"), [("one_step", 0.2), ("shooting", 0.02), ("inverse_dynamics", 0.2)]
+    "method, off", [("one_step", 0.2), ("shooting", 0.02), ("inverse_dynamics", 0.2)]
 )
 def test_the_friction_of_a_slide_of_millimetres_is_found_beside_a_joint_that_turns(method, off):
     assert stage().scales.size[0] < 2.5e-3

@@ -1,6 +1,5 @@
 """Suites: what they make, and every mistake in one line that names file, key and way out."""
 
-import numpy as np
 import pytest
 import tomli_w
 from fixtures.mistakes import changes, mistakes
@@ -35,11 +34,11 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("suites")
     write_dataset(folder / "tiny", changes=FEW)
     write_dataset(folder / "other", name="other")
-    model = Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"mass": 0.3})
+    model = Friction(CoulombViscous(), [[0.02, 0.001]], {"mass": 0.3})
     save_model(model, folder / "model.json")
-    two = Friction(CoulombViscous(), np.array([[0.02, 0.001], [0.0, 0.0]]))
+    two = Friction(CoulombViscous(), [[0.02, 0.001], [0.0, 0.0]])
     save_model(two, folder / "two.json")
-    strange = Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"m4": 0.3})
+    strange = Friction(CoulombViscous(), [[0.02, 0.001]], {"m4": 0.3})
     save_model(strange, folder / "strange.json")
     (folder / "own_parts.py").write_text(OWN)
     (folder / "own_broken.py").write_text("1 / 0\n")

@@ -83,7 +83,7 @@ def suite(place):
 # --- The best settings ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("sampler", "trials"), [("tpe", 15), ("gp", 9)])
+@pytest.mark.parametrize("sampler, trials", [("tpe", 15), ("gp", 9)])
 def test_samplers_find_the_best_setting_and_stay_near_it(place, tmp_path, sampler, trials):
     tuning = flat(trials, samplers=[sampler, "random"])
     results = {f.sampler: f for f in tune([tuning_task(place)], tuning, tmp_path)}

@@ -91,7 +91,7 @@ def test_an_index_into_friction_picks_its_calibration_too():
 
 
 def save_calibrated(calibration, path):
-    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=calibration)
+    friction = Friction(CoulombViscous(), [[0.1, 0.2]], calibration=calibration)
     save_model(friction, path)
 
 
@@ -107,7 +107,7 @@ def test_a_model_file_keeps_the_calibration(tmp_path, base):
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    "change, words",
     [
         ({"delay": None}, "calibration.delay must be finite"),
         ({"gain": [float("nan")]}, "calibration.gain must be finite"),

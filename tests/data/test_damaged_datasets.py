@@ -125,7 +125,7 @@ def assert_table_refused(folder, content, words):
     assert "a.csv" in str(caught.value) or "'a'" in str(caught.value)
 
 
-@pytest.mark.parametrize(("content", "words"), DAMAGES.items())
+@pytest.mark.parametrize("content, words", DAMAGES.items())
 def test_a_damaged_table_is_one_clear_line(tmp_path, content, words):
     assert_table_refused(tmp_path, content, words)
 
@@ -148,7 +148,7 @@ def test_rows_whose_time_does_not_increase_are_counted_and_all_listed_ones_may_g
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "words"),
+    "name, content, words",
     [
         ("a_csv_gz", csv_bytes(motion()), r"a\.csv\.gz is no whole gzip file"),
         ("a_csv_gz", gzip.compress(csv_bytes(motion()))[:-9], "no whole gzip file"),

@@ -147,7 +147,7 @@ TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
 
 
 @pytest.mark.parametrize(
-    ("frame", "said", "message"),
+    "frame, said, message",
     [
         (FRAME, {"angle": ["q1", "qq2"]}, "no column 'qq2'; did you mean 'q2'"),
         (TWICE, {}, "has 2 columns called 'q1'"),
@@ -175,7 +175,7 @@ ARRAYS = {"time": TIME, "angle": np.zeros((41, 2))}
 
 
 @pytest.mark.parametrize(
-    ("wrong", "message"),
+    "wrong, message",
     [
         ({"torqe": TIME}, "array 'torqe' is unknown; did you mean 'torque'"),
         ({"time": None}, "the array 'time' is missing"),

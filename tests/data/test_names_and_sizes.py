@@ -28,9 +28,7 @@ def test_names_that_steer_a_terminal_are_refused(name):
         dataset(name=name)
 
 
-@pytest.mark.parametrize(
-    ("quantity", "value"), [("angle", 1e308), ("torque", -1e308), ("time", 1e100)]
-)
+@pytest.mark.parametrize("quantity, value", [("angle", 1e308), ("torque", -1e308), ("time", 1e100)])
 def test_numbers_that_no_sensor_reports_are_refused(quantity, value):
     r = recordings()[0]
     time, angle, torque = (x.copy() for x in (r.angle.time, r.angle.value, r.torque.value))

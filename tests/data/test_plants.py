@@ -98,7 +98,7 @@ def test_plain_is_a_numpy_array_without_gradient():
 
 
 @pytest.mark.parametrize(
-    ("kind", "angles", "message"),
+    "kind, angles, message",
     [
         ("acrobot", 1, r"'a': 1 columns of angle, but acrobot has 2 joints; give one"),
         ("linear_axis", 2, r"2 columns of angle, but linear_axis has 1 joint; give"),

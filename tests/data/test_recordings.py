@@ -80,7 +80,7 @@ def test_integers_of_a_parquet_file_are_numbers(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("quantity", "unit"), [(key, unit) for key, units in UNITS.items() for unit in units]
+    "quantity, unit", [(key, unit) for key, units in UNITS.items() for unit in units]
 )
 def test_every_unit_describes_the_same_motion(tmp_path, quantity, unit):
     columns, scale = motion(), UNITS[quantity][unit]
@@ -255,7 +255,7 @@ def late(signal):
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    "changes, words",
     [
         ({"angle": still(time=np.arange(4.0))}, r"shape \(T,\).*\(4,\) and \(5, 2\)"),
         ({"torque": still(value=np.zeros(5))}, r"torque: time must have shape"),

@@ -189,7 +189,7 @@ EXACT = [
 ]
 
 
-@pytest.mark.parametrize(("estimator", "degree"), EXACT)
+@pytest.mark.parametrize("estimator, degree", EXACT)
 def test_motions_that_the_model_contains_are_exact(estimator, degree, time):
     motion = np.polynomial.Polynomial(np.random.default_rng(10).normal(size=degree + 1))
     states = estimator([one(time, motion(time))])[0]
@@ -229,7 +229,7 @@ def test_backward_differences_are_what_a_semi_implicit_step_undoes():
     assert_allclose(states.q[:-1] + states.w[1:] * dt[1:], states.q[1:], atol=1e-14)
 
 
-@pytest.mark.parametrize(("window", "order"), [(5, 2), (7, 3), (11, 4)])
+@pytest.mark.parametrize("window, order", [(5, 2), (7, 3), (11, 4)])
 def test_savgol_is_scipys_on_an_even_clock(window, order):
     time = even(80)
     value = wave(time, np.random.default_rng(13))
@@ -251,7 +251,7 @@ def test_savgol_sees_its_window_only():
     assert changed.max() == 20 + SavitzkyGolay(7, 3).support
 
 
-@pytest.mark.parametrize(("window", "order"), [(6, 3), (3, 3), (5, 7)])
+@pytest.mark.parametrize("window, order", [(6, 3), (3, 3), (5, 7)])
 def test_a_window_that_cannot_hold_the_polynomial_is_refused(window, order):
     with assert_refused(f"window = {window} must be odd and larger than order"):
         SavitzkyGolay(window, order)

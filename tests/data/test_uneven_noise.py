@@ -77,7 +77,7 @@ def unweighted(data):
 
 def test_shooting_trusts_samples_by_their_noise():
     data = swings(lambda rng, shape: np.where(rng.random(shape) < 0.4, 0.03, 0.0005))
-    start = Friction(CoulombViscous(), np.array([[0.03, 0.002]]))
+    start = Friction(CoulombViscous(), [[0.03, 0.002]])
     errors = []
     for d in (data, unweighted(data)):
         theta = refine(start, d, (FrictionBlock(),)).friction.theta[0]
@@ -124,7 +124,7 @@ def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rows", "line"),
+    "rows, line",
     [
         ([*ROWS[:2], "2,60,0,found"], "sigma must be positive"),
         ([ROWS[0], "0,,,lost", "1,,,lost"], "no row has all angles"),

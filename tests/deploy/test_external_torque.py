@@ -13,6 +13,7 @@ import pytest
 from fixtures.changed_data import changed, each, subset
 from fixtures.driven_pendulum import simulated
 from fixtures.refusals import assert_one_line, assert_refused
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.signals import taken
@@ -98,7 +99,7 @@ def test_noise_of_angles_is_told_from_errors_of_the_model_though_someone_touches
     time = np.arange(count) / 10.0
     said = Observed(time, torque, nothing, nothing, M, 0.0 * settled, settled, nothing)
     for estimate, true in zip(noises(said), (noise, shake), strict=True):
-        np.testing.assert_allclose(estimate, true, rtol=0.15)
+        assert_allclose(estimate, true, rtol=0.15)
 
 
 def test_without_quiet_recordings_the_band_is_by_recordings_that_were_not_fitted():
@@ -166,7 +167,7 @@ def in_pieces(content, size):
     return lambda: next(parts, b"")
 
 
-@pytest.mark.parametrize(("name", "size"), [("contact", 50), ("contact", 4096), ("wrapped", 4096)])
+@pytest.mark.parametrize("name, size", [("contact", 50), ("contact", 4096), ("wrapped", 4096)])
 def test_a_stream_says_what_the_batch_says(fit, watch, quiet, folder, name, size):
     """Angles that wrap at a turn are no others."""
     new = fid.load_dataset(folder / "contact")
@@ -176,8 +177,8 @@ def test_a_stream_says_what_the_batch_says(fit, watch, quiet, folder, name, size
     seen = list(watched(watch, folder / "quiet", in_pieces(content, size), 0.0))
     torque, band = (np.concatenate([getattr(s, k) for s in seen]) for k in ("torque", "band"))
     rows, rounding = len(torque), 1e-5 if name == "wrapped" else 1e-9
-    np.testing.assert_allclose(torque, batch.torque[0][:rows], atol=rounding, equal_nan=True)
-    np.testing.assert_allclose(band, batch.band[0][:rows], atol=rounding, equal_nan=True)
+    assert_allclose(torque, batch.torque[0][:rows], atol=rounding, equal_nan=True)
+    assert_allclose(band, batch.band[0][:rows], atol=rounding, equal_nan=True)
 
 
 def test_the_live_estimate_is_the_same_however_the_samples_come(watch, folder):
@@ -188,8 +189,8 @@ def test_the_live_estimate_is_the_same_however_the_samples_come(watch, folder):
         for size in (1500, 10**9)
     ]
     slow, once = (each[-1].estimate for each in ends)
-    np.testing.assert_allclose(slow.share, once.share, rtol=1e-9)
-    np.testing.assert_allclose(slow.band, once.band, rtol=1e-9)
+    assert_allclose(slow.share, once.share, rtol=1e-9)
+    assert_allclose(slow.band, once.band, rtol=1e-9)
     assert once.seconds > 11.9  # the last two seconds count, too
     assert len(ends[0]) > len(ends[1])
     assert np.isinf(ends[0][0].estimate.band).all()  # one stretch does not say how they scatter
@@ -204,8 +205,8 @@ def test_a_jump_ends_a_stretch_of_the_live_estimate(watch, quiet, jumped, tmp_pa
         (table,) = place.glob("*.csv")
         seen = list(watched(watch, place, in_pieces(table.read_bytes(), size), 0.0))
         ends.append([s.estimate for s in seen if s.estimate][-1])
-    np.testing.assert_allclose(ends[1].share, ends[2].share, rtol=1e-9)
-    np.testing.assert_allclose(ends[1].share, ends[0].share, atol=0.01)
+    assert_allclose(ends[1].share, ends[2].share, rtol=1e-9)
+    assert_allclose(ends[1].share, ends[0].share, atol=0.01)
     assert ends[0].seconds - 1.1 < ends[1].seconds < ends[0].seconds
 
 
@@ -214,7 +215,7 @@ def samples_of(recording):
 
 
 @pytest.mark.parametrize(
-    ("coulomb", "change", "said"),
+    "coulomb, change, said",
     [
         (0.1, pushed, ["contact"]),
         (0.14, lambda r: r, ["friction"]),
@@ -313,8 +314,8 @@ def test_the_code_computes_what_the_program_does(fit, watch, quiet, contact, tmp
     said = fid.external_torque(fit, contact, quiet=quiet)
     settled = np.isfinite(said.torque[0][:, 0])
     mine, mine_band = np.array(out)[1:][settled].T
-    np.testing.assert_allclose(mine, said.torque[0][settled, 0], atol=1e-9)
-    np.testing.assert_allclose(mine_band, said.band[0][settled, 0], rtol=0.1)
+    assert_allclose(mine, said.torque[0][settled, 0], atol=1e-9)
+    assert_allclose(mine_band, said.band[0][settled, 0], rtol=0.1)
 
 
 def test_what_cannot_be_watched_is_refused(fit, watch, quiet, tmp_path):
@@ -384,7 +385,7 @@ def test_a_damaged_row_is_left_out_and_named(watch, folder):
     (sentence,) = [sentence for seen in both[0] for sentence in seen.damaged]
     assert sentence.startswith("row 302, '0.1;?', is left out: ")
     torques = [np.concatenate([seen.torque for seen in each]) for each in both]
-    np.testing.assert_allclose(*torques, atol=1e-9, equal_nan=True)
+    assert_allclose(*torques, atol=1e-9, equal_nan=True)
     wrong = in_pieces(b"a,b\n1,2\n3,4\n", 4096)
     with assert_refused("row 2"):
         list(watched(watch, folder / "quiet", wrong, 0.0))

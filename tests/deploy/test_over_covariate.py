@@ -72,7 +72,7 @@ def test_coulomb_and_viscous_friction_over_the_temperature_of_a_servo():
 def models(levels):
     source = {"half_widths": [[0.001, 0.001]]}
     return {
-        f"{k}": Friction(CoulombViscous(), np.array([[level, 0.02 + 1e-6 * k]]), {}, source)
+        f"{k}": Friction(CoulombViscous(), [[level, 0.02 + 1e-6 * k]], {}, source)
         for k, level in enumerate(levels)
     }
 
@@ -88,7 +88,7 @@ def test_levels_do_not_fall_below_zero():
 
 
 @pytest.mark.parametrize(
-    ("levels", "values", "words"),
+    "levels, values, words",
     [
         ([0.1, 0.2], [1, 2], "needs three models or more, not 2"),
         ([0.1, 0.2, 0.3], [1, 2], "one finite number for each of 3 models"),

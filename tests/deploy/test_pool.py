@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures.one_joint_sets import Setup, sets
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.deploy.pooled_models import pooled
@@ -36,8 +37,8 @@ def test_every_parameter_has_the_spread_between_the_specimens():
     assert frame.parameter.tolist() == ["coulomb", "viscous"] * 2
     assert frame.joint.tolist() == [1, 1, 2, 2] and frame.unit[0] == "N m"
     mean = np.array([0.1, 0.02, 0.3, 0.05])
-    np.testing.assert_allclose(frame.value, mean, rtol=4 * SPREAD / np.sqrt(60))
-    np.testing.assert_allclose(frame.tau, SPREAD * mean, rtol=4 / np.sqrt(120))
+    assert_allclose(frame.value, mean, rtol=4 * SPREAD / np.sqrt(60))
+    assert_allclose(frame.tau, SPREAD * mean, rtol=4 / np.sqrt(120))
     assert (frame.p_value < 1e-6).all()
     assert (frame.range_low < frame.low_95).all() and (frame.high_95 < frame.range_high).all()
 
@@ -49,8 +50,8 @@ def test_samples_lie_within_the_ranges_and_scatter_as_the_specimens():
     low, high = (made.frame[name].to_numpy().reshape(2, 2) for name in ("range_low", "range_high"))
     assert (draws >= low).all() and (draws <= high).all()
     spread = SPREAD * np.array([[0.1, 0.02], [0.3, 0.05]])
-    np.testing.assert_allclose(draws.std(axis=0), spread, rtol=0.4)
-    np.testing.assert_array_equal(draws, made.sample(4000, 5).theta)
+    assert_allclose(draws.std(axis=0), spread, rtol=0.4)
+    assert_array_equal(draws, made.sample(4000, 5).theta)
     assert (draws != made.sample(4000, 6).theta).any()
 
 
@@ -103,7 +104,7 @@ def test_equal_joints_are_specimens_each():
     columns = ["value", "range_low", "range_high", "tau", "p_value", "models"]
     for joint in range(1, 7):
         own = made.frame[made.frame.joint == joint]
-        np.testing.assert_allclose(own[columns], servos[columns])
+        assert_allclose(own[columns], servos[columns])
     assert set(made.frame.joint) == {1, 2, 3, 4, 5, 6}
     assert made.left_out == (
         f"coulomb of joint 7 is free in model 1 only: not pooled, it stays at the median, "
@@ -143,7 +144,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("models", "words"), REFUSED.values(), ids=REFUSED)
+@pytest.mark.parametrize("models, words", REFUSED.values(), ids=REFUSED)
 def test_models_that_are_not_alike_are_refused_in_one_line(models, words):
     with assert_refused(words):
         fid.pool(models)
@@ -187,7 +188,7 @@ DAMAGED = {
 }
 
 
-@pytest.mark.parametrize(("key", "value"), DAMAGED.items(), ids=DAMAGED)
+@pytest.mark.parametrize("key, value", DAMAGED.items(), ids=DAMAGED)
 def test_a_pooled_model_with_damaged_parameters_is_refused_in_one_line(key, value):
     made = pooled(MODELS, "abc")
     document = plain(made.provenance.pooled)

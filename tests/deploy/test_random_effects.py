@@ -59,7 +59,7 @@ def test_the_statistic_falls_with_the_spread():
     assert between(np.ones((6, 1)), Y, S, np.array([1e9])) == 0.0
 
 
-@pytest.mark.parametrize(("specimens", "tau"), [(2, 1.0), (3, 3.0), (10, 0.5)])
+@pytest.mark.parametrize("specimens, tau", [(2, 1.0), (3, 3.0), (10, 0.5)])
 def test_intervals_hold_the_mean_and_the_next_specimen(specimens, tau, monkeypatch):
     """In 95 % of 250 meta-analyses each, seed 1, less 2.5 standard errors of that count."""
     monkeypatch.syspath_prepend(str(ROOT / "comparisons"))

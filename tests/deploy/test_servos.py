@@ -23,7 +23,7 @@ LOG = RIG.log(4.0, 0.05, seed=0)
 def friction():
     """As a fit by shooting leaves it, which found the delay of the targets."""
     found = replace(Calibration.ideal(1), target_delay=np.array(RIG.delay))
-    return fid.Friction(CoulombViscous(), np.array([[0.03, 0.02]]), calibration=found)
+    return fid.Friction(CoulombViscous(), [[0.03, 0.02]], calibration=found)
 
 
 def test_targets_are_as_late_as_the_fit_found_them(friction):

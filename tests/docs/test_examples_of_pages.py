@@ -15,7 +15,7 @@ PAGES = [
 ]
 
 
-@pytest.mark.parametrize(("name", "lines", "flags"), PAGES)
+@pytest.mark.parametrize("name, lines, flags", PAGES)
 def test_every_line_of_the_page_gives_what_it_shows(name, lines, flags, tmp_path, monkeypatch):
     path = ROOT / "docs" / f"{name}.md"
     monkeypatch.chdir(ROOT if name == "mechanisms" else tmp_path)

@@ -73,7 +73,7 @@ def commands(text):
 
 
 @pytest.mark.parametrize(
-    ("text", "run"),
+    "text, run",
     [
         ("frictionid fit and make test are prose", []),
         ("`frictionid fits it`, `make something`, `comparisons/gone.toml`", []),

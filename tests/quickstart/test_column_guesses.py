@@ -67,7 +67,7 @@ NAMED = {
 }
 
 
-@pytest.mark.parametrize(("columns", "expected"), NAMED.values(), ids=NAMED)
+@pytest.mark.parametrize("columns, expected", NAMED.values(), ids=NAMED)
 def test_columns_and_units_are_told_by_names_and_numbers(columns, expected):
     guesses = guessed(columns)
     parts = (guesses.time, guesses.angle, guesses.torque)
@@ -83,7 +83,7 @@ def test_motors_get_the_torques_and_other_joints_none():
 
 
 @pytest.mark.parametrize(
-    ("name", "torque", "hold"),
+    "name, torque, hold",
     [
         ("u", U, "previous"),  # as everywhere, where nothing says that a sensor took the samples
         ("u_cmd", U, "previous"),
@@ -133,7 +133,7 @@ UNTOLD = {
 }
 
 
-@pytest.mark.parametrize(("columns", "words"), UNTOLD.values(), ids=UNTOLD)
+@pytest.mark.parametrize("columns, words", UNTOLD.values(), ids=UNTOLD)
 def test_what_cannot_be_told_is_said_with_the_columns_there_are(columns, words):
     with assert_refused(words):
         guessed(columns, (False, True) if "2 joints" in words else (True,))
@@ -152,7 +152,7 @@ def test_given_columns_count(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("columns", "split"),
+    "columns, split",
     [
         ({"t": np.tile(TIME, 2)}, "t"),
         ({"t": np.arange(400) / 100.0, "trial": np.repeat([3.0, 5.0], 200)}, "trial"),
@@ -169,7 +169,7 @@ def test_runs_are_told_apart(columns, split):
     assert guesses.time.columns == ("t",) and guesses.angle.columns == ("q",)
 
 
-@pytest.mark.parametrize(("rate", "hold"), [(100.0, "previous"), (1000.0, "linear")])
+@pytest.mark.parametrize("rate, hold", [(100.0, "previous"), (1000.0, "linear")])
 def test_noise_and_motion_tell_a_held_torque_from_samples_of_one_that_is_not(rate, hold, tmp_path):
     """Rows are 10 ms apart; the drive changes its torque at this rate."""
     runs = (Run(f"{k}", (0.3 * k,), torques=(Sine(0.5, 0.8 + 0.3 * k),)) for k in range(3))

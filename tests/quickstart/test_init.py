@@ -13,6 +13,7 @@ from fixtures.lab_tables import GEAR, INIT, KT, MACHINE, MOTOR, recordings, writ
 from fixtures.mistakes import mistakes
 from fixtures.reader_files import mat_bytes
 from fixtures.refusals import assert_one_line
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.data.readers.dataset import load_dataset
@@ -62,7 +63,7 @@ def same_motion(folder):
     assert [r.name for r in data.recordings] == [r.name for r in recordings()]
     for mine, true in zip(data.recordings, recordings(), strict=True):
         sign = np.sign(mine.angle.value[0] * true.angle.value[0])
-        np.testing.assert_allclose(sign * mine.angle.value, true.angle.value, atol=1e-6)
+        assert_allclose(sign * mine.angle.value, true.angle.value, atol=1e-6)
         at = np.searchsorted(true.torque.time, mine.torque.time, side="right") - 1
         off = sign * mine.torque.value - true.torque.value[at]
         assert np.abs(off).max() < 6 * 0.002 * KT * GEAR
@@ -233,7 +234,7 @@ def test_counts_and_a_current_of_a_servo_make_a_controllers_file(call, tmp_path)
     assert document["motor"] == {"counts_per_turn": 4096, "offset": -3.141593}
     recording = load_dataset(tmp_path / "servo").recordings[0]
     for signal in (recording.angle, recording.servo.goal):
-        np.testing.assert_allclose(signal.value[:, 0], Q, atol=np.pi / 4096 + 1e-6)
+        assert_allclose(signal.value[:, 0], Q, atol=np.pi / 4096 + 1e-6)
 
 
 def test_elements_of_vectors_are_columns_as_those_of_lerobot(call, tmp_path):
@@ -245,7 +246,7 @@ def test_elements_of_vectors_are_columns_as_those_of_lerobot(call, tmp_path):
     document = written(tmp_path / "servo")
     assert document["actuator"]["target"] == "action[0]"
     angle = load_dataset(tmp_path / "servo").recordings[0].angle.value[:, 0]
-    np.testing.assert_array_equal(np.abs(angle), np.abs(Q))  # signs are guessed
+    assert_array_equal(np.abs(angle), np.abs(Q))  # signs are guessed
 
 
 def test_a_lerobot_data_set_is_refused_with_the_reader_that_reads_it(call, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from fixtures import bags
 from fixtures import driven_wrist as wrist
 from fixtures.refusals import assert_refused
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.comparison.suite_recipes import usual_method
@@ -95,8 +95,8 @@ def joints(exact):
 
 def same(folder, exact):
     (recording,) = load_dataset(folder).recordings
-    np.testing.assert_allclose(recording.angle.value, exact[1], atol=1e-6)
-    np.testing.assert_allclose(recording.torque.value, exact[2], atol=1e-6)
+    assert_allclose(recording.angle.value, exact[1], atol=1e-6)
+    assert_allclose(recording.torque.value, exact[2], atol=1e-6)
 
 
 def test_columns_of_sensors_come_before_filtered_ones_and_commands(call, exact):
@@ -120,7 +120,7 @@ def test_degrees_and_counts_of_joints_are_known_by_the_limits_of_the_file(call, 
     assert "limits of the file" in out and "one: -2 to 2, 3, 60" in out
     same(call.folder, exact)
     call(named({"pos_{}": np.rint(2048 + 2048 / np.pi * q), "effort_{}": u}))
-    np.testing.assert_allclose(load_dataset(call.folder).recordings[0].angle.value, q, atol=8e-4)
+    assert_allclose(load_dataset(call.folder).recordings[0].angle.value, q, atol=8e-4)
 
 
 def test_the_only_robot_of_a_folder_is_taken_and_meshes_are_not_looked_at(call, exact, joints, arm):
@@ -141,10 +141,10 @@ def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
     # with the gears, the motion itself says where the angles have their zero
     for gears in ("50,60,-40", "50,60,40"):
         document, _ = call(motors, "--gear", gears)
-        np.testing.assert_allclose(document["motor"]["offset"], wrist.ZERO, atol=1e-6)
+        assert_allclose(document["motor"]["offset"], wrist.ZERO, atol=1e-6)
         same(call.folder, exact)
     document, out = call(named({"q_{}": q - wrist.ZERO, "tau_{}": u}))
-    np.testing.assert_allclose(document["motor"]["offset"], wrist.ZERO, atol=1e-6)
+    assert_allclose(document["motor"]["offset"], wrist.ZERO, atol=1e-6)
     assert "gear" not in document["motor"] and "MISSING" not in out
     same(call.folder, exact)
 
@@ -164,8 +164,8 @@ def test_a_bag_of_joint_states_is_a_table(exact, tmp_path, run, plugin):
     assert code == 0 and 'kind = "ros"' in out
     dataset = load_dataset(tmp_path / "bag")
     assert dataset.mechanism.joints == ("one", "two", "three")
-    np.testing.assert_allclose(dataset.recordings[0].angle.value, q, atol=1e-12)
-    np.testing.assert_allclose(dataset.recordings[0].torque.value, u, atol=1e-12)
+    assert_allclose(dataset.recordings[0].angle.value, q, atol=1e-12)
+    assert_allclose(dataset.recordings[0].torque.value, u, atol=1e-12)
 
 
 def test_columns_may_count_from_zero_and_observers_measure_nothing(exact, tmp_path):
@@ -204,18 +204,18 @@ def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exac
     assert document["motor"]["kt"] == 1.0 and "missing: torque constants" in out
     assert "right if these are, one " in out and "joints=" not in out
     assert "--kt=kt_one,kt_two,kt_three --gear=gear_one,gear_two,gear_three" in out
-    np.testing.assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
-    np.testing.assert_allclose(call(currents, "--gear=2")[0]["motor"]["kt"], factors / 2, rtol=0.05)
+    assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
+    assert_allclose(call(currents, "--gear=2")[0]["motor"]["kt"], factors / 2, rtol=0.05)
     document, out = call(named({"q_{}": q, "motor_torque_{} [N m]": u / factors}))
     assert document["motor"]["torque"] == "motor" and "taken as the masses of the file" in out
-    np.testing.assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
+    assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
     document, _ = call(currents, known=())  # a rotor that nobody gave is not taken for gear
-    np.testing.assert_allclose(document["motor"]["gear"], factors[:2], rtol=0.03)
+    assert_allclose(document["motor"]["gear"], factors[:2], rtol=0.03)
     noise = np.random.default_rng(0).normal(size=len(q))
     table, rotors = {**currents, "current_three [A]": noise}, (("one", 0.4), ("two", 0.3))
     document, out = call(table, "--kt", "0.5,0.25,0.125", known=rotors)
     assert document["motor"]["kt"] == [0.5, 0.25] and "missing: gear ratios (--gear" in out
-    np.testing.assert_allclose(document["motor"]["gear"], factors[:2] / [0.5, 0.25], rtol=0.1)
+    assert_allclose(document["motor"]["gear"], factors[:2] / [0.5, 0.25], rtol=0.1)
     assert {*document["mechanism"]["locked"]} == {"three"}
     again = re.search("with constants: frictionid (.*)", out)[1]
     assert run(call.folder.parent, again.replace("gear_one,gear_two", "6,-8"))[0] == 0
@@ -295,7 +295,7 @@ def test_gains_are_those_of_the_files_position_actuators(call, exact, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("column", "joints", "method"),
+    "column, joints, method",
     [("tau", 3, "inverse_dynamics"), ("tau", 2, "shooting"), ("goal", 2, "shooting")],
 )
 def test_the_first_suite_has_the_method_of_fit_and_the_laws_of_quick(
@@ -326,7 +326,7 @@ def test_a_free_root_with_an_imu_floats(call, exact):
     assert "missing: where the IMU is" in out
     (recording,) = load_dataset(call.folder).recordings
     motion = recording.base_motion.value[100:-100].mean(axis=0)
-    np.testing.assert_allclose(motion[6:], [0.0, 0.0, 9.80665], atol=1e-3)
+    assert_allclose(motion[6:], [0.0, 0.0, 9.80665], atol=1e-3)
     document, out = call({**gyro, **columns}, robot="legged.xml")
     assert "base" not in document and "it is held; where it moves, an IMU must say how" in out
 

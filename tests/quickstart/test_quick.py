@@ -107,7 +107,7 @@ def test_the_words_and_the_numbers_agree(result):
 
 
 @pytest.mark.parametrize(
-    ("worse", "sentence"),
+    "worse, sentence",
     [
         ({"none"}, "Practically worse than spline: no friction."),
         (set(), "No other law is practically worse than spline."),

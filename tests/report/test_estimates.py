@@ -19,7 +19,7 @@ SIDES = [f"{name}_{side}" for name in ("coulomb", "peak") for side in ("positive
 
 
 @pytest.mark.parametrize(
-    ("richer", "shown"),
+    "richer, shown",
     [
         (fitted("coulomb", "peak", "viscous"), ["peak of hip"]),
         (fitted(*SIDES, "viscous"), ["peak_positive of hip", "peak_negative of hip"]),
@@ -34,7 +34,7 @@ def test_a_parameter_by_direction_counts_as_that_of_both(richer, shown):
     assert all(f"{name} 0.5" in said for name in shown)
 
 
-@pytest.mark.parametrize(("correlation", "told"), [(-0.999, True), (0.0, False)])
+@pytest.mark.parametrize("correlation, told", [(-0.999, True), (0.0, False)])
 def test_a_level_is_told_where_only_the_sum_of_its_parts_is_identified(correlation, told):
     parts = zip(("coulomb", "peak"), (0.3, 0.7), strict=True)
     read = tuple(

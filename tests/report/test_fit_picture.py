@@ -34,7 +34,7 @@ def test_a_model_without_friction_is_refused_before_the_fit(tmp_path, run):
 def test_the_band_is_that_of_the_document(monkeypatch, width):
     bands = {"velocity": np.linspace(-20, 20, 5)[:, None], "simultaneous": np.full((5, 1), width)}
     source = {} if width is None else {"refined": {"bands": bands}}
-    friction = Friction(CoulombViscous(), np.array([[0.03, 0.004]]), provenance=source)
+    friction = Friction(CoulombViscous(), [[0.03, 0.004]], provenance=source)
     drawn = []
     monkeypatch.setattr(fits, "_panel", lambda *given: drawn.append(given[1:]))
     assert png(lambda: fits.fit_figure(friction, dataset())).startswith(b"\x89PNG")

@@ -85,7 +85,7 @@ def test_an_implausible_model_without_a_rival_is_doubted(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("energy", "expected"),
+    "energy, expected",
     [
         ([1.01, 0.99, 1.02, 0.98], "passed"),
         ([0.71, 0.69, 0.72, 0.68], "failed"),
@@ -116,7 +116,7 @@ def loop(width, joint=0):
 
 
 @pytest.mark.parametrize(
-    ("width", "control", "expected", "answer"),
+    "width, control, expected, answer",
     [
         (0.05, 0.4, "passed", "yes"),  # the control is practically worse
         (0.05, 0.2, "failed", "no"),  # and here as good

@@ -50,7 +50,7 @@ def test_the_parts_of_an_advantage_are_those_that_corrections_take_away(tmp_path
     assert [pair.clear for _, pair in found["rollouts"]] == [False, False]
 
 
-@pytest.mark.parametrize(("left", "rollout"), [(0.01, 0.05), (-0.01, -0.05)])
+@pytest.mark.parametrize("left, rollout", [(0.01, 0.05), (-0.01, -0.05)])
 def test_what_is_left_is_the_advantage_where_all_is_corrected(tmp_path, left, rollout):
     found = analysed(tmp_path, left, rollout)
     assert found["scheme"] == "integral" and len(found["corrects"]) == 2

@@ -5,6 +5,7 @@ import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 from matplotlib.colors import to_hex
+from numpy.testing import assert_allclose
 
 from frictionid.check.motion import motions_of, unit_rows
 from frictionid.data.plants import plant_of
@@ -91,7 +92,7 @@ def test_the_friction_beside_the_motion_is_what_was_put_in():
     noise = 1e-4 * np.random.default_rng(0).standard_normal(torque.shape)
     found = least_squares_friction(rows, torque + noise)
     use = rows.moving[:, 0]
-    np.testing.assert_allclose(found[use], torque[use], atol=1e-4)
+    assert_allclose(found[use], torque[use], atol=1e-4)
 
 
 def test_a_verdict_s_error_picture_has_a_dot_for_each_fold_of_each_model(tmp_path):
@@ -141,6 +142,6 @@ def test_torque_is_drawn_as_measured_as_modelled_and_without_friction(tmp_path):
     own = section(tmp_path, ("one", "integral"), torque=torque | {"rigid": rigid})
     (axis,) = torque_over_time(own, styles(own.models)).axes
     drawn = [line.get_ydata() for line in axis.get_lines()]
-    np.testing.assert_allclose(drawn, [rigid[:, 0] + up for up in (0.3, 0.2, 0.0)])
+    assert_allclose(drawn, [rigid[:, 0] + up for up in (0.3, 0.2, 0.0)])
     none = section(tmp_path / "none", ("one", "integral"))
     assert torque_over_time(none, styles(none.models)) is None

@@ -43,7 +43,7 @@ def answers(section):
 
 
 @pytest.mark.parametrize(
-    ("hybrid", "noise", "beats"),
+    "hybrid, noise, beats",
     [
         (0.01, NOISE, "yes"),
         (0.1, NOISE, "no"),

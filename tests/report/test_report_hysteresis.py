@@ -5,6 +5,7 @@ import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.suite import PROTOCOL, load_suite
 from frictionid.data.plants import plant_of
@@ -97,7 +98,7 @@ def test_the_velocity_of_a_loop_is_the_rate_of_its_angle():
         angle, w = loop.torque[0], loop.velocity
         dt = 1 / (loop.frequency * len(w))
         moved = 0.5 * dt * (w[1:] + w[:-1])
-        np.testing.assert_allclose(np.diff(angle), moved, atol=1e-3 * np.abs(moved).max())
+        assert_allclose(np.diff(angle), moved, atol=1e-3 * np.abs(moved).max())
 
 
 def test_a_torque_that_does_not_vary_is_not_late():
@@ -112,12 +113,12 @@ def test_the_width_is_the_area_over_the_range_and_turns_with_the_loop():
 
 
 def test_friction_of_the_velocity_alone_has_no_loop_and_is_its_curve():
-    friction = Friction(Stribeck(), np.array([[0.05, 0.03, 2.0, 0.004]]))
+    friction = Friction(Stribeck(), [[0.05, 0.03, 2.0, 0.004]])
     for loop in loops(friction[None], HysteresisSettings()):
         assert np.abs(loop.width).max() < 1e-9
         slides = np.abs(loop.velocity) > 0.3  # beyond the smoothing, which curves leave out
         curve = friction.curve(loop.velocity[slides])[:, 0]
-        np.testing.assert_allclose(loop.torque[0, slides], curve, atol=1e-12)
+        assert_allclose(loop.torque[0, slides], curve, atol=1e-12)
 
 
 @pytest.mark.parametrize("lag", [0.005, 0.02])
@@ -149,7 +150,7 @@ def test_each_joint_and_each_friction_of_a_batch_is_as_it_is_alone():
     for i in range(2):
         alone, both = loops(film(0.01, theta[i : i + 1])), loops(film(0.01, theta))
         for a, b in zip(alone, both, strict=True):
-            np.testing.assert_allclose(a.torque[0], b.torque[i], rtol=1e-12)
+            assert_allclose(a.torque[0], b.torque[i], rtol=1e-12)
 
 
 def test_settings_are_those_of_the_joints():
@@ -194,7 +195,7 @@ def test_speeds_are_those_of_the_recordings(compared):
     data = made.section(compared[1]).description
     w = np.concatenate([r.truth.velocity.value for r in tiny.recordings()])
     levels, joint = data.speeds["levels"], data.speeds["joints"][0]
-    np.testing.assert_allclose(joint["speeds"], np.quantile(np.abs(w), levels))
+    assert_allclose(joint["speeds"], np.quantile(np.abs(w), levels))
     assert 0 < joint["reversals"] < 10 and 0 < joint["rest"] < 1
     assert np.abs(data.velocities).max() <= np.abs(w).max() + 1e-4
 
@@ -227,7 +228,7 @@ def loops_document(lag, scatter):
 
 
 @pytest.mark.parametrize(
-    ("lag", "scatter", "verdict"),
+    "lag, scatter, verdict",
     [
         (0.012, 0.0, "late"),
         (-0.012, 0.0005, "early"),

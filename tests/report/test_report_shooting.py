@@ -277,7 +277,7 @@ def test_odd_names_and_missing_numbers_are_drawn_and_written(tmp_path):
 def test_recordings_with_masses_of_their_own_have_nominal_values_of_their_own():
     dataset = late_and_heavy()
     heavy = tuple(replace(r, parameters=HEAVIER) for r in dataset.recordings)
-    start = Friction(CoulombViscous(), np.array([[COULOMB, 0.002]]))
+    start = Friction(CoulombViscous(), [[COULOMB, 0.002]])
     blocks = (FrictionBlock(), InertiaBlock())
     found = {}
     for name, own in (("table", dataset), ("own", replace(dataset, recordings=heavy))):

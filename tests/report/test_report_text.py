@@ -47,7 +47,7 @@ def test_friction_that_makes_things_worse_is_told(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("unit", "far"), [("rad", "a quarter of the travel or 1 rad"), ("m", "a quarter of the travel")]
+    "unit, far", [("rad", "a quarter of the travel or 1 rad"), ("m", "a quarter of the travel")]
 )
 def test_predictions_that_diverged_are_told_with_the_limit_of_their_unit(unit, far, tmp_path):
     tasks = [made.task("wild", 0.3, 0.9)]
@@ -126,7 +126,7 @@ def test_a_terminal_wraps_sentences_between_words_and_no_line_of_a_table(termina
     assert " ".join(sentence).split() == text.split()
 
 
-@pytest.mark.parametrize(("terminal", "parts"), [(True, 2), (False, 1)])
+@pytest.mark.parametrize("terminal, parts", [(True, 2), (False, 1)])
 def test_a_wide_table_stands_in_parts_below_each_other_in_a_terminal(terminal, parts, lines_of):
     numbers = [f"a number of the name {k}" for k in range(6)]
     table = table_of([*text_columns("joint"), *numbers], [["knee", *"123456"], ["hip", *"abcdef"]])
@@ -174,7 +174,7 @@ def test_notes_of_a_model_are_code_and_no_html(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("law", "words"),
+    "law, words",
     [
         ({"kind": "stribeck"}, "+ viscous w."),
         ({"kind": "stribeck", "symmetric": False}, "symmetric = false gives each direction"),

@@ -64,7 +64,7 @@ block = "actuator"; name = "kt"; value = 0.5; error = 0.01; nominal = 0.4
 """
 
 
-@pytest.mark.parametrize(("entry", "words"), rows(FINDINGS))
+@pytest.mark.parametrize("entry, words", rows(FINDINGS))
 def test_a_finding_in_words(entry, words):
     (sentence,) = said(made.shot([made.parameter(**changes(entry))])).strip().splitlines()
     assert words in sentence

@@ -35,7 +35,7 @@ def test_a_result_beside_itself_has_not_changed(tmp_path):
     assert all(score.before == score.after for score in found.scores)
 
 
-@pytest.mark.parametrize(("key", "other"), [("data", {"a.csv": "11"}), ("folds", "11")])
+@pytest.mark.parametrize("key, other", [("data", {"a.csv": "11"}), ("folds", "11")])
 def test_other_hashes_cannot_be_compared_fold_by_fold(tmp_path, key, other):
     found = compared(written(tmp_path / "a"), written(tmp_path / "b", **{key: {"made": other}}))
     assert found.datasets == {"made": {"data": key != "data", "folds": key != "folds"}}
@@ -44,7 +44,7 @@ def test_other_hashes_cannot_be_compared_fold_by_fold(tmp_path, key, other):
 
 
 @pytest.mark.parametrize(
-    ("error", "standing"), [(0.1, "better"), (0.204, "equivalent"), (0.4, "worse")]
+    "error, standing", [(0.1, "better"), (0.204, "equivalent"), (0.4, "worse")]
 )
 def test_scores_are_judged_by_the_rule_of_the_verdict(tmp_path, error, standing):
     found = compared(written(tmp_path / "a"), written(tmp_path / "b", error))

@@ -76,7 +76,7 @@ def test_a_recording_that_a_model_misses_is_the_main_doubt(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("term", "error", "recommended"),
+    "term, error, recommended",
     [("coulomb", 0.01, "rich (shooting)"), ("coulomb", 0.1, "terms"), ("sign_1", 0.01, "terms")],
 )
 def test_a_law_with_the_terms_of_a_sum_and_an_identified_parameter_is_taken(
@@ -156,7 +156,7 @@ def test_the_document_says_every_question_with_its_answer(typical):
 
 
 @pytest.mark.parametrize(
-    ("requirement", "status", "words"),
+    "requirement, status, words",
     [
         ("recommended", 0, ""),
         ("friction=yes", 0, ""),

@@ -60,7 +60,7 @@ def test_offset_and_drift_come_back_from_the_motion(motion):
     assert found.viscous[0] == pytest.approx(0.012, rel=0.2)
 
 
-@pytest.mark.parametrize(("time", "size"), [(9.0, -1 / 60), (17.0, -2 / 60), (21.0, 0.02)])
+@pytest.mark.parametrize("time, size", [(9.0, -1 / 60), (17.0, -2 / 60), (21.0, 0.02)])
 def test_a_step_of_the_clock_is_named_and_lost_frames_are_found(motion, time, size):
     """Constant stamps of a film that lost frames; and a torque that comes later from a time on."""
     angle, torque = motion

@@ -96,7 +96,7 @@ def test_dots_of_one_colour_that_pass_each_other_do_not_swap():
 
 
 @pytest.mark.parametrize(
-    ("camera", "sign", "turned"),
+    "camera, sign, turned",
     [(Camera(), 1, 0.0), (Camera(mirrored=True), -1, 0.0), (Camera(down=30.0), 1, 30.0)],
     ids=["same", "mirrored", "on its side"],
 )
@@ -109,7 +109,7 @@ def test_the_side_and_the_direction_of_gravity_turn_the_first_joint(easy, camera
     )
 
 
-@pytest.mark.parametrize(("stamp", "late"), [("start", 0.002), ("middle", 0.0), ("end", -0.002)])
+@pytest.mark.parametrize("stamp, late", [("start", 0.002), ("middle", 0.0), ("end", -0.002)])
 def test_times_are_the_middles_of_exposures(easy, stamp, late):
     _, shots = easy
     angles = tracked(EASY, shots[:20], marker_setup_of(EASY, camera=Camera(stamp=stamp)))

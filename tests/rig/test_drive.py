@@ -197,7 +197,7 @@ def test_a_signal_is_played_logged_and_ramped(rig, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    "asked, said",
     [
         ("emergency stop by the key ' '", "emergency stop by the key ' '"),
         ("ramp", "stopped on request"),

@@ -205,7 +205,7 @@ def test_a_restart_of_the_controller_is_counted(opened, protocol):
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    "content, said",
     [(b"\x00\xfe\x9c" * 3000, "nothing but garbage"), (b"1,2,3\n" * 30, "do not follow the")],
 )
 def test_unreadable_lines_are_reported_and_end_the_log(content, said, opened, protocol):

@@ -8,6 +8,7 @@ from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed, write_toml
 from hypothesis import example, given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from frictionid.rig.logfile import clock_runs, seconds, unified_time
 from frictionid.rig.rig_settings import (
@@ -171,7 +172,7 @@ def test_a_counter_that_begins_anew_is_unwound(count, start, step):
     runs = clock_runs(time % wrap, 1e9 + time, wrap)
     assert runs.kept.all()
     assert not runs.number.any()
-    np.testing.assert_allclose(np.diff(runs.time), step, atol=1e-6)
+    assert_allclose(np.diff(runs.time), step, atol=1e-6)
 
 
 @given(st.lists(st.integers(2, 30), min_size=1, max_size=4), st.integers(0, 10**6))
@@ -190,7 +191,7 @@ def test_restarts_are_separated_and_joined_by_the_hosts_clock(lengths, seed):
     runs = clock_runs(time, host, 2.0**32 * 1e-6)
     assert runs.number.max() == len(lengths) - 1
     joined, unsure = unified_time(runs, host)
-    np.testing.assert_allclose(joined - joined[0], late - late[0], atol=1e-6)
+    assert_allclose(joined - joined[0], late - late[0], atol=1e-6)
     assert 0.0 <= unsure <= 0.01
 
 

@@ -44,7 +44,7 @@ def torque(actuator):
 
 
 @pytest.mark.parametrize(
-    ("actuator", "expected"),
+    "actuator, expected",
     [
         (PD, 3.0 * ERROR),
         ({**PD, "limit": 0.3}, np.clip(3.0 * ERROR, -0.3, 0.3)),

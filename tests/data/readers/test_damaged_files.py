@@ -115,7 +115,7 @@ LOGS = {
 }
 
 
-@pytest.mark.parametrize(("content", "words"), LOGS.values(), ids=LOGS)
+@pytest.mark.parametrize("content, words", LOGS.values(), ids=LOGS)
 def test_a_damaged_log_is_one_clear_line(tmp_path, content, words):
     assert_file_refused(read_bam, tmp_path / "a.json", content, MOTOR, words)
 
@@ -156,7 +156,7 @@ CARRIAGES = {
 }
 
 
-@pytest.mark.parametrize(("content", "words"), CARRIAGES.values(), ids=CARRIAGES)
+@pytest.mark.parametrize("content, words", CARRIAGES.values(), ids=CARRIAGES)
 def test_a_damaged_mat_file_is_one_clear_line(tmp_path, content, words):
     assert_file_refused(read_carriage, tmp_path / "a.mat", content, {}, words)
 
@@ -194,7 +194,7 @@ def test_a_damaged_table_of_markers_is_one_clear_line(tmp_path, wrong, words):
     assert_file_refused(read_markers, tmp_path / "0.csv", content, BARE, words)
 
 
-@pytest.mark.parametrize(("content", "words"), [(b"", "is empty"), (b"\x81", "is no CSV text")])
+@pytest.mark.parametrize("content, words", [(b"", "is empty"), (b"\x81", "is no CSV text")])
 def test_what_is_no_table_of_markers_is_refused(tmp_path, content, words):
     assert_file_refused(read_markers, tmp_path / "0.csv", content, BARE, words)
 

@@ -38,7 +38,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize(("content", "columns", "words"), WRONG.values(), ids=WRONG)
+@pytest.mark.parametrize("content, columns, words", WRONG.values(), ids=WRONG)
 def test_what_is_wrong_is_said_in_a_line(content, columns, words):
     with assert_refused(words):
         read_table(content, "a.npz", columns)

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_array_equal
 
 from frictionid import files
 from frictionid.data.readers.csv_table import number
@@ -59,9 +60,9 @@ def test_ordinary_packed_tables_are_read_however_well_they_pack():
     rows = np.column_stack([np.arange(50_000) * 0.001, np.ones(50_000)])
     text = pd.DataFrame(rows, columns=["time", "q"]).to_csv(index=False).encode()
     found = read_table(gzip.compress(text), "a.csv.gz", ["time", "q"])
-    np.testing.assert_array_equal(found.columns["q"], 1.0)
+    assert_array_equal(found.columns["q"], 1.0)
     parts = gzip.compress(text[:1000]) + gzip.compress(text[1000:])
-    np.testing.assert_array_equal(
+    assert_array_equal(
         read_table(parts, "a.csv.gz", ["time"]).columns["time"], found.columns["time"]
     )
 

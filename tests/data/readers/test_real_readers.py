@@ -132,7 +132,7 @@ def energy_over_time(plant, recording, window, rate):
 
 
 @pytest.mark.parametrize(
-    ("name", "window", "rate"),
+    "name, window, rate",
     [("ibm", 15, 400.0), ("phy180", 5, 20.0), ("bam_xl330_passive", 15, 250.0)],
 )
 def test_without_a_motor_energy_falls(dataset, name, window, rate):

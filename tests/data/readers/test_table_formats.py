@@ -147,7 +147,7 @@ DRIVE_FILES = {
 }
 
 
-@pytest.mark.parametrize(("content", "words"), DRIVE_FILES.values(), ids=DRIVE_FILES)
+@pytest.mark.parametrize("content, words", DRIVE_FILES.values(), ids=DRIVE_FILES)
 def test_a_damaged_recorder_s_file_is_one_clear_line(tmp_path, content, words):
     assert_not_loaded(words, tmp_path, "drive_recorder", content=content, **DRIVE)
 
@@ -187,7 +187,7 @@ def test_a_mistake_about_rtde_is_one_clear_line(tmp_path, wrong, words):
 # --- LeRobot --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("fixed", "names"), [(True, ELEMENTS), (False, {"motors": ELEMENTS})])
+@pytest.mark.parametrize("fixed, names", [(True, ELEMENTS), (False, {"motors": ELEMENTS})])
 def test_episodes_of_lerobot_are_recordings_with_features_by_name(tmp_path, fixed, names):
     lerobot(tmp_path, fixed, names)
     found = load(tmp_path, "lerobot", "data/*/*.parquet", **LEROBOT).recordings

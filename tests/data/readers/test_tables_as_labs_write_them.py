@@ -76,7 +76,7 @@ def test_deviations_of_turned_angles_stay_positive(tmp_path):
     assert_allclose(recording.angle.sigma, np.tile([0.1, 0.2], (9, 1)))
 
 
-@pytest.mark.parametrize(("separator", "comma"), [(";", False), (";", True), ("\t", True)])
+@pytest.mark.parametrize("separator, comma", [(";", False), (";", True), ("\t", True)])
 def test_other_separators_and_decimal_commas_hold_the_same_numbers(tmp_path, separator, comma):
     (tmp_path / "plain").mkdir()
     (tmp_path / "other").mkdir()

@@ -10,6 +10,7 @@ from drive_logs import ServoPendulum
 from fixtures.bam_formula import bam_friction
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.calibration import Calibration
@@ -44,7 +45,7 @@ def test_each_model_is_that_of_bam(model, tmp_path):
     own = friction.law.sharpened().torque(friction.theta, Inputs(q, w, u, 0 * u), ())[:, 0]
     p, te = published(model, np.random.default_rng(3)), -MOMENT * np.sin(q)
     wanted = [np.sign(b) * bam_friction(p, a, c, b) for a, b, c in np.stack([u, w, te], -1)[:, 0]]
-    np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-9)
+    assert_allclose(own, wanted, rtol=1e-9, atol=1e-9)
 
 
 def written(friction, speeds=()):
@@ -66,7 +67,7 @@ FRICTIONS = {
 @pytest.mark.parametrize("model", list(FRICTIONS))
 def test_what_bam_holds_is_written_and_read_back_as_it_is(model):
     law, row = FRICTIONS[model]
-    friction = Friction(law, np.array([row]), {"rotor": 0.002, "kt": 0.4, "R": 3.0})
+    friction = Friction(law, [row], {"rotor": 0.002, "kt": 0.4, "R": 3.0})
     _, made = written(friction)
     document = json.loads(made.files[".json"])
     assert document["model"] == model and set(MODELS[model]) <= set(document)
@@ -76,11 +77,11 @@ def test_what_bam_holds_is_written_and_read_back_as_it_is(model):
     rng = np.random.default_rng(1)
     x = Inputs(*(2.0 * rng.standard_normal((4, 10_000, 1))))
     own, read = (f.law.torque(f.theta, x, ()) for f in (friction, back))
-    np.testing.assert_allclose(read, own, rtol=1e-9, atol=1e-9)
+    assert_allclose(read, own, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("output", "R", "missing"), [("voltage", 5.4, ""), ("current", None, "R of the motor")]
+    "output, R, missing", [("voltage", 5.4, ""), ("current", None, "R of the motor")]
 )
 def test_the_motor_of_a_geared_servo_is_that_at_its_output(output, R, missing):
     actuator = {"target": "target", "output": output, "P": 4.0, "kt": 0.005, "gear": 200}
@@ -88,7 +89,7 @@ def test_the_motor_of_a_geared_servo_is_that_at_its_output(output, R, missing):
     frames = {"soft": pd.DataFrame(RIG.log(4.0, 0.05, seed=1, seconds=2.0))}
     machine = fid.mechanisms.pendulum(mass=RIG.mass, length=RIG.length, rotor=1e-7, gear=200)
     data = fid.Dataset.from_frames(frames, machine, time="t", angle="q", actuator=actuator)
-    friction = Friction(CoulombViscous(), np.array([[0.03, 0.02]]))
+    friction = Friction(CoulombViscous(), [[0.03, 0.02]])
     made = writer_of("bam")(exported(friction, data=data), ExportSettings())
     back = read_bam(json.loads(made.files[".json"]), "it").parameters
     wanted = {"rotor": 1e-7 * 200**2, "kt": 0.005 * 200, "R": R}
@@ -98,13 +99,13 @@ def test_the_motor_of_a_geared_servo_is_that_at_its_output(output, R, missing):
 
 def test_a_fitted_motor_has_no_torque_constant_without_its_gear():
     motor = replace(Calibration.ideal(1), motor=np.array([0.005, 5.4]))
-    friction = Friction(CoulombViscous(), np.array([[0.1, 0.02]]), calibration=motor)
+    friction = Friction(CoulombViscous(), [[0.1, 0.02]], calibration=motor)
     _, made = written(friction)
     assert json.loads(made.files[".json"])["R"] == 5.4 and "armature, kt of" in made.lost[0]
 
 
 def test_other_laws_are_held_by_the_nearest_one():
-    friction = Friction(Quadratic(), np.array([[0.1, 0.02, 0.001]]))
+    friction = Friction(Quadratic(), [[0.1, 0.02, 0.001]])
     own, made = written(friction, (5.0,))
     assert made.held is not None and "BAM has no Quadratic: M" in made.lost[0]
     grid = np.linspace(0.1, 5.0, 50)
@@ -117,7 +118,7 @@ def test_a_law_that_follows_the_motor_is_held_by_one_that_does():
     """Along recorded motion, its square of the motor torque is nearly a share of it."""
     whole = load_dataset("acrobot_clean")
     driven = [r for r in whole.recordings if np.ptp(r.torque.value) > 0]
-    friction = Friction(MotorLoad(squared=True), np.array([[0.02, 0.01, 0.3, 0.1]] * 2))
+    friction = Friction(MotorLoad(squared=True), [[0.02, 0.01, 0.3, 0.1]] * 2)
     own = exported(friction, data=replace(whole, recordings=tuple(driven[:1])))
     nodes = own.prepared.integral.nodes
     model, other = (along(f, nodes) for f in (friction, held(own)))

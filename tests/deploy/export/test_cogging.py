@@ -66,6 +66,6 @@ def test_the_header_compiles_without_a_warning_and_interpolates(tmp_path, precis
 
 
 def test_friction_alone_has_no_table(tmp_path):
-    ripple = fid.Friction(fid.Ripple(), np.array([[0.1, 0.02, 0.1, 0.0]]))
+    ripple = fid.Friction(fid.Ripple(), [[0.1, 0.02, 0.1, 0.0]])
     with pytest.raises(fid.InputError, match="Ripple has no torque of the position alone"):
         fid.export(ripple, "cogging", tmp_path / "map.csv")

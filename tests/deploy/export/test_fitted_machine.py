@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import driven_wrist as wrist
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.calibration import Calibration
@@ -66,7 +67,7 @@ def test_masses_and_inertias_with_base_parameters_are_those_of_bodies():
     arm = fid.mechanisms.double_pendulum(**nominal, l1=0.3, Ir=6e-5, gr=6.0)
     base = np.asarray(arm.base(arm.nominal(true | {"l1": 0.28, "Ir": 9.4e-5})))
     values = physical_parameters(arm, base)
-    np.testing.assert_allclose(arm.base(values), base, rtol=1e-8)
+    assert_allclose(arm.base(values), base, rtol=1e-8)
     assert_same(mjcf_of(arm, values), arm, base)
 
 
@@ -74,7 +75,7 @@ def assert_same(text, arm, base):
     q = configurations(arm.n, 5)
     found, wanted = dynamics(text, q, np.sin(7 * q)), arm.dynamics(base, q, np.sin(7 * q))
     for ours, theirs in zip(wanted, found, strict=True):
-        np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-6 * np.abs(ours).max())
+        assert_allclose(theirs, ours, rtol=1e-6, atol=1e-6 * np.abs(ours).max())
 
 
 def test_mujoco_has_the_inertia_of_any_bodies_by_their_base_parameters(arm):
@@ -152,7 +153,7 @@ def test_inertia_that_a_fit_has_more_is_armature_where_rotors_explain_it(to, dat
 def test_a_rotor_that_nobody_has_described_is_said_to_be_in_the_bodies(rotor):
     rig = fid.mechanisms.pendulum(mass=0.5, length=0.15, rotor=rotor)
     fitted = replace(Calibration.ideal(1), base=np.array([0.01525, 0.7358]))
-    model = fid.Friction(fid.CoulombViscous(), np.array([[0.06, 0.03]]), calibration=fitted)
+    model = fid.Friction(fid.CoulombViscous(), [[0.06, 0.03]], calibration=fitted)
     time = np.arange(400) / 100
     frames = {"a": pd.DataFrame({"t": time, "q": np.sin(time)})}
     data = fid.Dataset.from_frames(frames, rig, time="t", angle="q")

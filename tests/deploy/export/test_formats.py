@@ -33,7 +33,7 @@ def test_every_law_is_written_or_refused_in_one_line(to):
 
 
 @pytest.mark.parametrize(
-    ("module", "package", "extra"),
+    "module, package, extra",
     [
         ("export.formats.casadi", "casadi", "export"),
         ("export.formats.onnx", "onnx", "export"),

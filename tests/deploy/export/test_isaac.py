@@ -7,6 +7,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from frictionid.data.calibration import Calibration
 from frictionid.data.envelope import Envelope
@@ -85,10 +86,10 @@ def test_physx_has_the_held_friction():
     wanted = nearest(own).curve(w)
     for j, joint in enumerate(("hip.a", "knee")):
         assert [bool(re.fullmatch(e, joint)) for e in cfg.joint_names_expr].count(True) == 1
-        np.testing.assert_allclose(physx(cfg, joint, w), wanted[:, j], atol=1e-12)
+        assert_allclose(physx(cfg, joint, w), wanted[:, j], atol=1e-12)
     static = np.array(list(cfg.friction.values()))
     level = np.array(list(cfg.dynamic_friction.values()))
-    np.testing.assert_allclose(static, np.maximum(break_away(own.friction), level))
+    assert_allclose(static, np.maximum(break_away(own.friction), level))
     assert made.held is not None and not any("breaks away" in s for s in made.lost)
 
 
@@ -127,5 +128,5 @@ def test_a_motor_with_an_envelope_is_a_dc_motor_and_joints_of_one_stall_torque_s
         clipped = np.clip(w, -fast, fast)  # as DCMotor does
         top = cfg.saturation_effort * (1 - clipped / cfg.velocity_limit[joint])
         ours = Envelope(*(x[j] for x in MOTORS)).top(w)
-        np.testing.assert_allclose(np.minimum(top, cfg.effort_limit[joint]), ours, atol=1e-12)
+        assert_allclose(np.minimum(top, cfg.effort_limit[joint]), ours, atol=1e-12)
     assert any("DCMotor does not delay commands" in sentence for sentence in made.lost)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
@@ -83,8 +84,8 @@ def loaded(made):
 def test_joints_have_the_numbers_and_nothing_else_of_the_text_changes(robot):
     made = written(CoulombViscous(), NUMBERS, robot)
     model, _ = loaded(made)
-    np.testing.assert_array_equal(model.dof_frictionloss, NUMBERS[:, 0])
-    np.testing.assert_array_equal(model.dof_damping, NUMBERS[:, 1])
+    assert_array_equal(model.dof_frictionloss, NUMBERS[:, 0])
+    assert_array_equal(model.dof_damping, NUMBERS[:, 1])
     own = r'\s*(frictionloss|damping|solreffriction)\s*=\s*"[^"]*"'
     joints = re.compile(r"<joint[^>]*name[^>]*>")
     before, after = (
@@ -122,8 +123,8 @@ def test_a_part_that_turns_with_two_joints_is_a_tendon(robot):
     robot.write_text(ROBOT.replace("</mujoco>", tendon + "</mujoco>"))
     made = written(CoulombViscous(), NUMBERS, robot, ("hip", "motor"))
     model, _ = loaded(made)
-    np.testing.assert_array_equal(model.tendon_frictionloss, NUMBERS[1:, 0])
-    np.testing.assert_array_equal(model.tendon_damping, NUMBERS[1:, 1])
+    assert_array_equal(model.tendon_frictionloss, NUMBERS[1:, 0])
+    assert_array_equal(model.tendon_damping, NUMBERS[1:, 1])
     other = written(Stribeck(), STRIBECK, robot, ("hip", "motor"))
     assert "_callback.py" not in other.files and "not to tendons" in other.lost[-1]
 
@@ -147,10 +148,10 @@ def test_a_sliding_joint_has_the_models_torque(robot, law):
         levels = model.dof_frictionloss * np.sign(data.qvel)
         x = Inputs(data.qpos, data.qvel, data.ctrl, 0.0 * data.ctrl)
         wanted = own.law.sharpened().torque(own.theta, x, ())
-        np.testing.assert_allclose(levels - data.qfrc_passive, wanted, rtol=1e-9, atol=1e-9)
+        assert_allclose(levels - data.qfrc_passive, wanted, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize(("share", "moves"), [(0.9, False), (1.1, True)])
+@pytest.mark.parametrize("share, moves", [(0.9, False), (1.1, True)])
 def test_a_joint_breaks_away_at_the_models_level(robot, share, moves):
     made = written(Stribeck(), STRIBECK, robot)
     model, module = loaded(made)
@@ -175,16 +176,15 @@ def test_what_is_lost_is_said(robot):
 
 RIG = pendulum(mass=0.4, length=0.25)
 MOTIONS = {
-    "stribeck": Friction(Stribeck(), np.array([[0.1, 0.05, 0.5, 0.02]])),
-    "arctan": Friction(CoulombViscous(width=0.3, shape="arctan"), np.array([[0.1, 0.02]])),
-    "film_lag": Friction(FilmLag(), np.array([[0.05, 0.03, 0.5, 0.01, 0.02]])),
-    "lugre": Friction(LuGre(), np.array([[0.05, 0.03, 0.5, 0.01, 0.002, 0.0, 0.1]])),
-    "dahl": Friction(Dahl(), np.array([[0.08, 0.01, 0.002]])),
+    "stribeck": Friction(Stribeck(), [[0.1, 0.05, 0.5, 0.02]]),
+    "arctan": Friction(CoulombViscous(width=0.3, shape="arctan"), [[0.1, 0.02]]),
+    "film_lag": Friction(FilmLag(), [[0.05, 0.03, 0.5, 0.01, 0.02]]),
+    "lugre": Friction(LuGre(), [[0.05, 0.03, 0.5, 0.01, 0.002, 0.0, 0.1]]),
+    "dahl": Friction(Dahl(), [[0.08, 0.01, 0.002]]),
     "cogging": Friction(
-        Sum(("coulomb_viscous", {"kind": "cogging", "harmonics": [7]})),
-        np.array([[0.1, 0.02, 0.03, -0.05]]),
+        Sum(("coulomb_viscous", {"kind": "cogging", "harmonics": [7]})), [[0.1, 0.02, 0.03, -0.05]]
     ),
-    "quadratic": Friction(Quadratic(), np.array([[0.1, 0.02, 0.01]])),
+    "quadratic": Friction(Quadratic(), [[0.1, 0.02, 0.01]]),
 }
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
@@ -36,22 +37,22 @@ def data():
 
 
 def test_a_law_without_its_own_terms_is_found_as_it_is():
-    model = Friction(Stribeck(), np.array([[0.1, 0.0, 0.5, 0.02]]))
+    model = Friction(Stribeck(), [[0.1, 0.0, 0.5, 0.02]])
     own = exported(model, speeds=(7.0,))
-    np.testing.assert_allclose(nearest(own).theta, [[0.1, 0.02]], atol=1e-12)
+    assert_allclose(nearest(own).theta, [[0.1, 0.02]], atol=1e-12)
     assert not differs(own, nearest(own))
 
 
 def test_levels_of_two_directions_give_their_mean():
-    model = Friction(CoulombViscous(symmetric=False), np.array([[0.1, 0.3, 0.02]]))
-    np.testing.assert_allclose(nearest(exported(model, speeds=(7.0,))).theta, [[0.2, 0.02]])
-    np.testing.assert_allclose(break_away(model), [0.2])
+    model = Friction(CoulombViscous(symmetric=False), [[0.1, 0.3, 0.02]])
+    assert_allclose(nearest(exported(model, speeds=(7.0,))).theta, [[0.2, 0.02]])
+    assert_allclose(break_away(model), [0.2])
 
 
 def test_the_level_of_an_arctangent_is_kept_as_the_level():
-    model = Friction(CoulombViscous(width=0.01, shape="arctan"), np.array([[0.1, 0.02]]))
+    model = Friction(CoulombViscous(width=0.01, shape="arctan"), [[0.1, 0.02]])
     own = exported(model, speeds=(7.0,))
-    np.testing.assert_array_equal(nearest(own).theta, model.theta)
+    assert_array_equal(nearest(own).theta, model.theta)
     assert differs(own, nearest(own))
 
 
@@ -63,7 +64,7 @@ def test_a_law_that_follows_the_motor_says_that_it_is_taken_without():
         assert ("at zero of the motor torque" in first) == said
 
 
-@pytest.mark.parametrize(("name", "fitted"), [("xl330", True), ("mx64_m6", False)])
+@pytest.mark.parametrize("name, fitted", [("xl330", True), ("mx64_m6", False)])
 def test_least_squares_are_said_where_there_were_some(name, fitted, tmp_path):
     done = fid.export(f"machine:{name}", "isaac", tmp_path / "it.py")
     assert any("least squares" in sentence for sentence in done.lost) == fitted
@@ -73,13 +74,13 @@ def test_least_squares_are_said_where_there_were_some(name, fitted, tmp_path):
 
 
 def test_no_numbers_without_speeds():
-    model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01]]))
+    model = Friction(Quadratic(), [[0.1, 0.0, 0.01]])
     with assert_refused("name the data set"):
         nearest(exported(model))
 
 
 def test_a_torque_that_is_not_finite_is_one_line():
-    model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01], [0.1, 0.0, 1e308]]))
+    model = Friction(Quadratic(), [[0.1, 0.0, 0.01], [0.1, 0.0, 1e308]])
     with assert_refused("torque of joint 2 is not finite at a velocity of -30"):
         nearest(exported(model, speeds=(30.0, 30.0)))
     with assert_refused("parameters are not finite"):
@@ -88,7 +89,7 @@ def test_a_torque_that_is_not_finite_is_one_line():
 
 def test_recorded_motion_weighs_speeds(data):
     """Of a square law, the line through slow motion is flatter than through all speeds alike."""
-    model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01]] * 2))
+    model = Friction(Quadratic(), [[0.1, 0.0, 0.01]] * 2)
     own = exported(model, data=data, speeds=(30.0, 30.0))
     alike = exported(model, speeds=(30.0, 30.0))
     assert (nearest(own).theta[:, 1] < nearest(alike).theta[:, 1]).all()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.deploy.export.export import writer_of
@@ -61,7 +62,7 @@ def model(tmp_path):
 
 def test_newton_reads_the_numbers_of_the_model(model):
     read = [model.joint_friction, model.joint_damping, model.joint_armature]
-    np.testing.assert_allclose(np.ravel([x.numpy() for x in read]), [*LEVELS[0], ROTOR], rtol=1e-6)
+    assert_allclose(np.ravel([x.numpy() for x in read]), [*LEVELS[0], ROTOR], rtol=1e-6)
 
 
 def test_newton_moves_as_we_predict(model):
@@ -78,4 +79,4 @@ def test_newton_moves_as_we_predict(model):
     plant = Plant.from_parameters(pendulum(), {**ROD, "rotor": ROTOR})
     begin, u = State(np.array([2.0]), np.zeros(1)), np.zeros((100, 1))
     ours = rollout(plant, Friction(fid.CoulombViscous(), LEVELS), begin, u, np.full(100, 0.01))
-    np.testing.assert_allclose(q, ours.q[:, 0], rtol=0, atol=2e-3)
+    assert_allclose(q, ours.q[:, 0], rtol=0, atol=2e-3)

@@ -22,7 +22,7 @@ CASES = [(to, name) for to in TARGETS for name in SLOW_PARSER.get(to, OF_ALL)]
 CASES.append(("python", "library"))
 
 
-@pytest.mark.parametrize(("to", "name"), CASES)
+@pytest.mark.parametrize("to, name", CASES)
 def test_ten_thousand_velocities_give_the_torques_of_the_model(to, name, tmp_path):
     """Static laws and histories of dynamic ones, three times beyond the measured speeds, too."""
     rng = np.random.default_rng(5)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose
 
 from frictionid.deploy.export.exported import exported
 from frictionid.friction import Friction, Inputs, at_rest
@@ -71,15 +72,15 @@ def test_a_program_computes_what_its_law_computes(name):
     begun = programs.start.run(inputs_of(programs.start, x, ()))
     assert len(begun) == len(memory)
     for entry, value in zip(begun.values(), memory, strict=True):
-        np.testing.assert_allclose(entry, value, rtol=1e-12, atol=1e-12)
+        assert_allclose(entry, value, rtol=1e-12, atol=1e-12)
     for k in range(40):
         x = Inputs(*(3.0 * rng.standard_normal((4, N))))
         found = programs.torque.run(inputs_of(programs.torque, x, memory))["Tf"]
-        np.testing.assert_allclose(found, law.torque(theta, x, memory), rtol=1e-12, atol=1e-12)
+        assert_allclose(found, law.torque(theta, x, memory), rtol=1e-12, atol=1e-12)
         after = programs.advance.run(inputs_of(programs.advance, x, memory, 0.01 + 0.001 * k))
         memory = law.advance(theta, x, memory, np.array([0.01 + 0.001 * k]))
         for entry, value in zip(after.values(), memory, strict=True):
-            np.testing.assert_allclose(entry, value, rtol=1e-12, atol=1e-12)
+            assert_allclose(entry, value, rtol=1e-12, atol=1e-12)
 
 
 def test_programs_read_only_what_friction_depends_on():
@@ -101,13 +102,13 @@ def test_beyond_the_measured_speeds_friction_goes_on_straight_and_never_falls(na
     x = at_rest(shares[:, None] * top)
     x = x._replace(load=x.load + 2.0, u=x.u + 1.0, q=x.q + 0.3)
     Tf = law.torque(friction.theta, x, ())
-    np.testing.assert_allclose(Tf[6] - Tf[5], Tf[5] - Tf[4], atol=1e-12)
-    np.testing.assert_allclose(Tf[0] - Tf[1], Tf[1] - Tf[2], atol=1e-12)
+    assert_allclose(Tf[6] - Tf[5], Tf[5] - Tf[4], atol=1e-12)
+    assert_allclose(Tf[0] - Tf[1], Tf[1] - Tf[2], atol=1e-12)
     assert (Tf[6] >= Tf[5] - 1e-12).all()
     assert (Tf[0] <= Tf[1] + 1e-12).all()
     inside = slice(2, 5)
     own = friction.law.torque(friction.theta, x.each(lambda a: a[inside]), ())
-    np.testing.assert_allclose(Tf[inside], own, rtol=1e-12)
+    assert_allclose(Tf[inside], own, rtol=1e-12)
 
 
 def test_what_cannot_be_traced_is_refused_in_one_line():
@@ -115,7 +116,7 @@ def test_what_cannot_be_traced_is_refused_in_one_line():
         def torque(self, theta, x, memory):
             return theta[..., 0] * (x.w if (x.w > 0).all() else -x.w)
 
-    friction = Friction(Deciding(), np.array([[0.1, 0.2]]))
+    friction = Friction(Deciding(), [[0.1, 0.2]])
     with assert_refused("cannot be written as code"):
         assert exported(friction).programs is None
 

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose
 
 from frictionid.deploy.export.export import drawn, randomised
 from frictionid.deploy.export.exported import exported
@@ -43,8 +44,8 @@ def shot(covariance=COVARIANCE):
 def test_samples_have_the_covariance_and_undetermined_parameters_stay():
     draws = drawn(shot().provenance.refined, 20_000, 5)
     free = [0, 1, 3]
-    np.testing.assert_allclose(np.cov(draws[:, free].T), COVARIANCE[np.ix_(free, free)], atol=2e-7)
-    np.testing.assert_allclose(draws.mean(axis=0), THETA[0], atol=1e-4)
+    assert_allclose(np.cov(draws[:, free].T), COVARIANCE[np.ix_(free, free)], atol=2e-7)
+    assert_allclose(draws.mean(axis=0), THETA[0], atol=1e-4)
     assert (draws[:, 2] == THETA[0, 2]).all()
 
 
@@ -58,7 +59,7 @@ def test_the_engines_numbers_come_with_each_sample_and_the_seed_decides():
     assert samples.shape == (7, 4)
     for sample, numbers in zip(samples, document["engine"]["samples"], strict=True):
         same = nearest(exported(Friction(Stribeck(), sample[None]), speeds=(5.0,)))
-        np.testing.assert_allclose(numbers, same.theta[0], rtol=1e-12)
+        assert_allclose(numbers, same.theta[0], rtol=1e-12)
     for given in document["engine"]["parameters"]:
         assert given["low_95"] < given["value"] < given["high_95"]
 
@@ -72,6 +73,6 @@ def test_samples_stay_within_the_laws_bounds():
 
 
 def test_models_without_a_covariance_are_refused_in_one_line():
-    own = exported(Friction(CoulombViscous(), np.array([[0.1, 0.02]])))
+    own = exported(Friction(CoulombViscous(), [[0.1, 0.02]]))
     with assert_refused("no covariance of its parameters: fit by shooting"):
         randomised(own, 10)

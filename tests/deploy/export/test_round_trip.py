@@ -12,6 +12,7 @@ import yaml
 from drive_logs import ServoPendulum
 from fixtures import tiny_pendulums
 from fixtures.paths import DATA
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.calibration import Calibration
@@ -23,7 +24,7 @@ from frictionid.deploy.export.formats.urdf import write as urdf
 from frictionid.deploy.export.round_trip import in_mujoco
 
 RIG = ServoPendulum(coulomb=0.03, viscous=0.02, delay=0.012)
-FRICTION = fid.Friction(fid.CoulombViscous(), np.array([[0.03, 0.02]]))
+FRICTION = fid.Friction(fid.CoulombViscous(), [[0.03, 0.02]])
 LUGRE = np.array([[0.2, 0.06, 0.5, 0.01, 0.002, 0.3, 0.1], [0.1, 0.05, 0.5, 0.01, 0.002, 0.3, 0.1]])
 
 
@@ -45,7 +46,7 @@ def test_a_servo_with_late_targets_and_a_limit_runs_as_ours(servo, tmp_path):
     done = fid.export(friction, "mujoco", tmp_path / "servo.xml", data=servo)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "servo.xml"))
     assert model.actuator_delay[0] == 0.012 and model.actuator_gainprm[0, 0] == 4.0
-    np.testing.assert_allclose(model.actuator_forcerange[0], [0.01 - 0.4, 0.01 + 0.4])
+    assert_allclose(model.actuator_forcerange[0], [0.01 - 0.4, 0.01 + 0.4])
     assert done.lost == () and done.round_trip.predictions > 5
     assert done.round_trip.mean_apart < 2e-4 < 2e-3 < done.round_trip.at_once
     assert (
@@ -101,7 +102,7 @@ def test_a_servo_is_written_into_a_file_in_place_of_its_motor(servo, tmp_path):
     fid.export(FRICTION, "mujoco", tmp_path / "out.xml", data=servo, settings=settings)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
     assert model.nu == 1
-    np.testing.assert_allclose(model.actuator_biasprm[0, :3], [0.0, -4.0, -0.05])
+    assert_allclose(model.actuator_biasprm[0, :3], [0.0, -4.0, -0.05])
 
 
 OF_A_MAKER = """<mujoco><option timestep="0.0002"/><default><default class="arm">
@@ -141,7 +142,7 @@ def test_a_card_has_the_friction_of_its_recordings_where_there_are_no_data(tmp_p
     done = fid.export("machine:xl330", "mujoco", tmp_path / "xl330.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "xl330.xml"))
     numbers = [model.dof_frictionloss[0], model.dof_damping[0] - card.drive.back_emf[0]]
-    np.testing.assert_allclose(numbers, card.nearest.theta[0], rtol=1e-12)
+    assert_allclose(numbers, card.nearest.theta[0], rtol=1e-12)
     assert not model.actuator_damping.any()  # which MJX leaves out
     assert card.nearest.cost in done.lost
     assert model.dof_armature[0] == card.mechanism.nominal()["rotor"]
@@ -155,9 +156,7 @@ def test_friction_that_differs_by_direction_is_a_constant_torque_of_the_motor():
         (fid.CoulombViscous(symmetric=False), [0.3, 0.1, 0.02]),
         (fid.Stribeck(symmetric=False), [0.3, 0.1, 0.05, 0.05, 0.3, 0.02]),
     ):
-        friction = replace(
-            fid.Friction(law, np.array([row])), calibration=calibrated(1, bias=[0.05])
-        )
+        friction = replace(fid.Friction(law, [row]), calibration=calibrated(1, bias=[0.05]))
         own = exported(friction, ("joint 1",), (20.0,), data)
         made, module = mujoco_files(own, ExportSettings()), ModuleType("callback")
         model = mujoco.MjModel.from_xml_string(made.files[".xml"].decode())
@@ -209,7 +208,7 @@ def test_real_motion_with_a_delay_is_within_a_milliradian_of_ours(law, real_data
     data = replace(data, recordings=data.recordings[:2])
     base = 1.03 * data.mechanism.base(data.mechanism.nominal())
     calibration = calibrated(2, base=base, delay=0.0034, bias=[0.02, -0.01])
-    friction = fid.Friction(fid.CoulombViscous(), np.array([[0.2614, 0.01], [0.1475, 0.003119]]))
+    friction = fid.Friction(fid.CoulombViscous(), [[0.2614, 0.01], [0.1475, 0.003119]])
     if law == "lugre":
         friction = fid.Friction(fid.LuGre(), LUGRE)
     friction = replace(friction, calibration=calibration)

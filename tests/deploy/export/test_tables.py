@@ -53,7 +53,7 @@ def test_a_table_says_what_it_cannot_hold():
 
 
 def test_an_equation_reads_as_the_law(tmp_path):
-    friction = Friction(known.CoulombViscous(), np.array([[0.12, 0.05]]))
+    friction = Friction(known.CoulombViscous(), [[0.12, 0.05]])
     friction = friction.noted({"half_widths": np.array([[0.01, np.nan]])})
     text = written(exported(friction, ("left_hip",), (2.0,)), "latex", tmp_path)[".tex"].read_text()
     assert r"T &= 0.12 \, \tanh\left(\frac{\omega}{0.02}\right) + 0.05 \, \omega" in text

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.calibration import Calibration
@@ -80,7 +81,7 @@ def schemas(stage, joint):
     return set(stage.GetPrimAtPath(f"/arm/{joint}").GetPrimTypeInfo().GetAppliedAPISchemas())
 
 
-@pytest.mark.parametrize(("meters", "mass"), [(1.0, 1.0), (0.01, 1.0), (0.1, 0.001)])
+@pytest.mark.parametrize("meters, mass", [(1.0, 1.0), (0.01, 1.0), (0.1, 0.001)])
 def test_newton_and_physx_read_the_friction_in_si(tmp_path, meters, mass):
     """The torque at a speed, as their docs say: degrees to radians, stage units to SI."""
     path = robot(tmp_path, meters, mass)
@@ -94,7 +95,7 @@ def test_newton_and_physx_read_the_friction_in_si(tmp_path, meters, mass):
         physx = [number(stage, joint, f"physxJointAxis:{axis}:{name}") for name in names]
         assert newton == physx[:2]
         si = [newton[0] * effort, newton[1] * effort * speed]
-        np.testing.assert_allclose(si, friction.theta[j], rtol=1e-6)
+        assert_allclose(si, friction.theta[j], rtol=1e-6)
         assert physx[2] * effort == pytest.approx(break_away(own.friction)[j], rel=1e-6)
         assert {"NewtonJointAPI", f"PhysxJointAxisAPI:{axis}"} <= schemas(stage, joint)
     assert made.held is not None and any("breaks away" in line for line in made.lost)
@@ -153,9 +154,9 @@ def test_position_control_is_a_drive_with_the_torque_of_the_model(tmp_path, mete
         effort = meters ** (2 - j)
         values = (drive.GetStiffnessAttr(), drive.GetDampingAttr(), drive.GetMaxForceAttr())
         stiffness, damping, most = (effort * value.Get() for value in values)
-        np.testing.assert_allclose(stiffness * position, PLAIN.kp[j] * 0.03, rtol=1e-6)
-        np.testing.assert_allclose(damping * position, PLAIN.kv[j] * 0.03, rtol=1e-6)
-        np.testing.assert_allclose(most, PLAIN.limit[j], rtol=1e-6)
+        assert_allclose(stiffness * position, PLAIN.kp[j] * 0.03, rtol=1e-6)
+        assert_allclose(damping * position, PLAIN.kv[j] * 0.03, rtol=1e-6)
+        assert_allclose(most, PLAIN.limit[j], rtol=1e-6)
         assert drive.GetTypeAttr().Get() == "force"
         passive = number(stage, joint, "newton:damping") * effort * position / 0.03
         assert passive == pytest.approx(own.friction.theta[j, 1] + PLAIN.back_emf[j], rel=1e-6)
@@ -163,7 +164,7 @@ def test_position_control_is_a_drive_with_the_torque_of_the_model(tmp_path, mete
     assert not stage.GetPrimAtPath("/arm/servo").IsActive()
 
 
-@pytest.mark.parametrize(("rate", "steps"), [(500, 6), (None, 12)])
+@pytest.mark.parametrize("rate, steps", [(500, 6), (None, 12)])
 def test_a_delay_is_in_an_actuator_in_place_of_the_drive(tmp_path, rate, steps):
     path = robot(tmp_path, meters=0.1, rate=rate)
     _, made = written(path, drive=LATE)
@@ -194,7 +195,7 @@ def test_an_envelope_is_that_of_a_dc_motor(tmp_path):
         fast = no_load * (1 + peak / stall)
         top = np.minimum(stall * (1 - np.clip(speed, -fast, fast) / no_load), peak)
         ours = Envelope(*(x[j] for x in MOTORS)).top(w)
-        np.testing.assert_allclose(0.1 ** (2 - j) * top, ours, atol=1e-6)
+        assert_allclose(0.1 ** (2 - j) * top, ours, atol=1e-6)
 
 
 def test_what_no_drive_holds_is_said(tmp_path):

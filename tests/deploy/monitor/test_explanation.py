@@ -36,7 +36,7 @@ def p_of(healthy, new):
     return explained(cause_tests(difference_of(healthy, new, SIZE), CAUSES, {}), 0.01)
 
 
-@pytest.mark.parametrize(("count", "noise"), [(20, 1.0), (8, 1.0), (20, 4.0), (20, 0.25)])
+@pytest.mark.parametrize("count, noise", [(20, 1.0), (8, 1.0), (20, 4.0), (20, 0.25)])
 def test_alarms_are_no_more_often_than_the_rate(count, noise):
     """New recordings may tell more or less than the healthy ones."""
     rng = np.random.default_rng(1)
@@ -108,7 +108,7 @@ def test_what_only_stood_for_a_cause_is_no_cause():
     assert explanation.p_of_cause["a"] < 0.01 and explanation.p_of_cause["b"] == 1.0
 
 
-@pytest.mark.parametrize(("friction", "doubt"), [(10.0, False), (12.5, True)])
+@pytest.mark.parametrize("friction, doubt", [(10.0, False), (12.5, True)])
 def test_a_cause_that_another_explains_with_friction_is_said(friction, doubt):
     """The effect of c is the sum of those of b and friction, as of a gain, a mass and friction."""
     causes = {"friction of a": np.array([0]), "b": np.array([1]), "c": np.array([2])}

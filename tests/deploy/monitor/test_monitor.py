@@ -14,6 +14,7 @@ from fixtures.changed_data import changed, each, on_later_clock, subset
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.servo_logs import by_controller
 from fixtures.seven_joints import MASS, urdf_text
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.data.signals import taken
@@ -108,7 +109,7 @@ def test_healthy_recordings_are_called_unchanged(known, fresh):
 
 
 @pytest.mark.parametrize(
-    ("sensors", "cause", "size"),
+    "sensors, cause, size",
     [
         ({"early": 0.005}, "the torque's delay", 5.0),  # ms
         ({"factor": 1.0 / 1.06}, "the torque's gain of joint 2", 6.0),  # %
@@ -162,7 +163,7 @@ def test_where_much_is_disturbed_another_cause_is_named(known):
 def test_a_recording_changes_alone_as_it_does_among_others(known, healthy):
     """What exchangeability needs: no number of a recording depends on those it came with."""
     alone, _ = recording_changes(prepared_data(subset(healthy, 3, 4)), known.reference, ())
-    np.testing.assert_array_equal(alone.value[0], known.changes.value[3])
+    assert_array_equal(alone.value[0], known.changes.value[3])
 
 
 def test_a_temperature_explains_what_follows_it():
@@ -205,7 +206,7 @@ def test_a_baseline_survives_its_file(known, tmp_path):
     save_baseline(known, path, {})
     again = load_baseline(path)
     assert again.joints == known.joints
-    np.testing.assert_allclose(again.changes.value, known.changes.value, rtol=1e-12)
+    assert_allclose(again.changes.value, known.changes.value, rtol=1e-12)
     assert again.reference.effects == known.reference.effects
     assert path.stat().st_size / len(known.names) < 100e6 / 1000  # 1,000 recordings: 100 MB
 

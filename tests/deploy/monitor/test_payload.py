@@ -9,6 +9,7 @@ import pytest
 from fixtures.changed_data import each, subset
 from fixtures.driven_pendulum import simulated
 from fixtures.true_curves import plain_friction
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes
@@ -58,7 +59,7 @@ def known(light, heavy):
 
 def test_the_payload_is_a_covariate_and_its_effect_comes_out_as_it_went_in(known):
     assert known.covariates == ("mass",)
-    np.testing.assert_array_equal(known.changes.covariates[:, 0], np.repeat([LIGHT, HEAVY], 8))
+    assert_array_equal(known.changes.covariates[:, 0], np.repeat([LIGHT, HEAVY], 8))
     total = totals(known.changes, known.reference.speeds)[:, 0]
     effect = total[8:].mean() - total[:8].mean()
     assert effect == pytest.approx(LEVEL[HEAVY] - LEVEL[LIGHT], rel=0.1)
@@ -134,7 +135,7 @@ def test_what_is_linear_in_the_payload_changes_no_judgement_and_no_evidence(know
         [a.log_evidence for a in arriving(tmp_path / str(i), base, names, own)]
         for i, (base, own) in enumerate(((known, new), (other, steeper(new))))
     )
-    np.testing.assert_allclose(one, two, rtol=1e-6)
+    assert_allclose(one, two, rtol=1e-6)
 
 
 @pytest.mark.parametrize("said", [{}, {"mass": LIGHT}], ids=["unsaid", "always the same"])

@@ -7,13 +7,14 @@ import runpy
 import numpy as np
 import pytest
 from fixtures.refusals import assert_one_line
+from numpy.testing import assert_allclose
 
 from frictionid.deploy.compensation import Compensation, compensating
 from frictionid.friction import Friction
 from frictionid.friction.laws import LuGre, Stribeck
 from frictionid.friction.model_files import save_model
 
-FRICTION = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]]))
+FRICTION = Friction(Stribeck(), [[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]])
 SETTINGS = "--speed 5 --gain 0.8 --limit 0.12 --smooth 0.1"
 CURVE = compensating(FRICTION, Compensation(gain=0.8, smooth=0.1, torque_limit=0.12)).curve
 
@@ -33,7 +34,7 @@ def test_a_table(call, tmp_path):
     for j in range(2):
         own = [row for row in rows if row["joint"] == f"joint {j + 1}"]
         w, torque = (np.array([float(row[key]) for row in own]) for key in ("velocity", "torque"))
-        np.testing.assert_allclose(torque, CURVE(w)[:, j], atol=1e-8)
+        assert_allclose(torque, CURVE(w)[:, j], atol=1e-8)
 
 
 def test_code(call, tmp_path):
@@ -45,11 +46,11 @@ def test_code(call, tmp_path):
     module = runpy.run_path(str(tmp_path / "own.py"))
     for w in (-2.0, -0.01, 0.0, 0.3, 4.0, 50.0):  # also beyond the speeds, within the limit
         found = module["torque"]([w, w])
-        np.testing.assert_allclose(found, CURVE(np.array([w]))[0], atol=1e-9)
+        assert_allclose(found, CURVE(np.array([w]))[0], atol=1e-9)
 
 
 def test_a_table_of_bristles_says_that_it_has_no_memory(call, tmp_path):
-    bristles = Friction(LuGre(), np.array([[0.12, 0.05, 0.3, 0.01, 0.002, 0.0, 0.1]]))
+    bristles = Friction(LuGre(), [[0.12, 0.05, 0.3, 0.01, 0.002, 0.0, 0.1]])
     save_model(bristles, tmp_path / "model.json")
     code, out, _ = call("--out table.csv --speed 5")
     assert code == 0 and "a table has no memory" in out

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.deploy.compensation import (
@@ -31,7 +32,7 @@ from frictionid.friction.laws import (
 )
 
 W = np.concatenate([-np.linspace(8.0, 0.3, 40), np.linspace(0.3, 8.0, 40)])
-STRIBECK = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]]))
+STRIBECK = Friction(Stribeck(), [[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]])
 
 
 def some(law):
@@ -47,7 +48,7 @@ def some(law):
 def test_beyond_the_change_of_sides_it_is_the_gain_times_friction(law):
     friction = some(law)
     own = compensating(friction, Compensation(gain=0.8, smooth=0.02))
-    np.testing.assert_allclose(own.curve(W), 0.8 * friction.curve(W), atol=1e-5)
+    assert_allclose(own.curve(W), 0.8 * friction.curve(W), atol=1e-5)
 
 
 def test_around_rest_it_is_continuous_and_zero_where_friction_is_symmetric():
@@ -55,13 +56,13 @@ def test_around_rest_it_is_continuous_and_zero_where_friction_is_symmetric():
     u = compensating(STRIBECK, Compensation(smooth=smooth)).curve(w)
     level = STRIBECK.curve(np.array([1e-3]))[0]
     assert (np.abs(np.diff(u, axis=0)) <= 1.1 * level * (w[1] - w[0]) / smooth).all()
-    np.testing.assert_allclose(u, -u[::-1], atol=1e-12)
+    assert_allclose(u, -u[::-1], atol=1e-12)
     assert (np.abs(u[2000]) < 1e-12).all()
 
 
 def test_it_stays_within_the_torque_limits_of_each_joint():
     u = compensating(STRIBECK, Compensation(torque_limit=(0.05, 0.02))).curve(W)
-    np.testing.assert_array_equal(np.abs(u).max(axis=0), [0.05, 0.02])
+    assert_array_equal(np.abs(u).max(axis=0), [0.05, 0.02])
 
 
 def test_at_rest_it_follows_the_direction_to_come():
@@ -70,7 +71,7 @@ def test_at_rest_it_follows_the_direction_to_come():
     u = feed_forward(STRIBECK, Compensation(gain=1.0, ahead=0.01), 0.01, w, a)
     near, far = STRIBECK.curve(np.array([0.4, 4.0]))  # ahead at these speeds
     assert (u[0] == 0.0).all()
-    np.testing.assert_allclose(u[1:] * [1, -1], [near, far], rtol=1e-5)
+    assert_allclose(u[1:] * [1, -1], [near, far], rtol=1e-5)
 
 
 def test_memory_follows_the_reference():
@@ -78,7 +79,7 @@ def test_memory_follows_the_reference():
     friction, dt = some(LuGre()), 0.002
     w = np.repeat(np.sign(np.sin(np.arange(1000) * dt * 2 * np.pi))[:, None], 2, axis=1)
     u = feed_forward(friction, Compensation(gain=1.0, smooth=1e-3), dt, w)
-    np.testing.assert_allclose(u[240], friction.curve(np.array([1.0]))[0], rtol=1e-3)
+    assert_allclose(u[240], friction.curve(np.array([1.0]))[0], rtol=1e-3)
 
 
 def test_parameters_that_are_whole_numbers_round_no_velocities():
@@ -87,7 +88,7 @@ def test_parameters_that_are_whole_numbers_round_no_velocities():
         Friction(CoulombViscous(), np.array([[2, 1]], dtype=kind)) for kind in (int, float)
     )
     given = (feed_forward(f, Compensation(gain=1.0), 0.01, w) for f in (whole, same))
-    np.testing.assert_array_equal(next(given), next(given))
+    assert_array_equal(next(given), next(given))
 
 
 @pytest.mark.parametrize("law", [LuGre(), Dahl(), FilmLag(), Play()], ids=str)
@@ -103,7 +104,7 @@ def test_along_a_recording_exported_code_is_the_feed_forward(law):
         made = program.run(x | memory | ({"dt_1": 0.005} if k else {}))
         memory = {f"{name}_{j + 1}": v[j] for name, v in made.items() for j in range(2)}
         found.append(programs.torque.run(x | memory)["Tf"])
-    np.testing.assert_allclose(found, feed_forward(friction, settings, 0.005, w), atol=1e-9)
+    assert_allclose(found, feed_forward(friction, settings, 0.005, w), atol=1e-9)
 
 
 def test_held_until_the_next_sample_it_is_nearer_to_fine_steps_than_by_mean_velocities():
@@ -124,7 +125,7 @@ def test_held_until_the_next_sample_it_is_nearer_to_fine_steps_than_by_mean_velo
 
 
 def test_code_that_takes_the_motor_torque_says_what_that_is():
-    geared = Friction(MotorLoad(), np.array([[0.1, 0.02, 0.3]]))
+    geared = Friction(MotorLoad(), [[0.1, 0.02, 0.3]])
     for friction, said in ((geared, True), (STRIBECK, False)):
         facts = exported(compensating(friction)).facts
         assert any(line.startswith("u is the motor torque") for line in facts) == said
@@ -136,7 +137,7 @@ def test_lists_are_arrays():
         feed_forward(Friction(CoulombViscous(), f(theta)), Compensation(ahead=0.1), 0.1, f(w), f(a))
         for f in (list, np.array)
     )
-    np.testing.assert_array_equal(lists, arrays)
+    assert_array_equal(lists, arrays)
 
 
 def assert_holds(table, compensation, most):
@@ -152,7 +153,7 @@ def assert_holds(table, compensation, most):
 @pytest.mark.parametrize("velocity", [0.05, 3.0])
 def test_the_table_is_the_compensation_for_who_interpolates_it(velocity):
     """Also of a fast joint whose friction falls at slow speeds."""
-    friction = Friction(Stribeck(), np.array([[0.12, 0.05, velocity, 0.01], [0.1, 0.0, 0.5, 0.02]]))
+    friction = Friction(Stribeck(), [[0.12, 0.05, velocity, 0.01], [0.1, 0.0, 0.5, 0.02]])
     settings = Compensation(gain=0.9, smooth=0.05)
     table = compensation_table(friction, settings, (21.6, 8.0), ("a", "b"))
     for name, last in (("a", 21.6), ("b", 8.0)):
@@ -171,7 +172,7 @@ def test_the_table_of_a_law_with_memory_is_that_of_its_steady_sliding():
         compensation_table(friction, Compensation(), (20.0,))
         for friction in (bristles, Friction(Stribeck(), numbers))
     ]
-    np.testing.assert_allclose(tables[0].torque, tables[1].torque, atol=5e-4)
+    assert_allclose(tables[0].torque, tables[1].torque, atol=5e-4)
 
 
 @pytest.mark.parametrize("to", ["c", "st", "python"])

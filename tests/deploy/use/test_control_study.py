@@ -2,6 +2,7 @@
 
 import control
 import numpy as np
+from numpy.testing import assert_allclose
 
 from frictionid.deploy.simulator import Simulator
 from frictionid.friction import Friction
@@ -25,8 +26,8 @@ def test_a_plan_moves_as_the_simulator_where_joints_slide():
     torque = np.stack([0.0 * u, u], axis=1)
     after = simulator.step(simulator.reset(x[:, :2], x[:, 2:]), torque)
     planned = control.motion(FRICTION).map(30)(x.T, u[None]).full().T
-    np.testing.assert_allclose(planned[:, :2], after.q, atol=2e-4)
-    np.testing.assert_allclose(planned[:, 2:], after.w, atol=2e-2)
+    assert_allclose(planned[:, :2], after.q, atol=2e-4)
+    assert_allclose(planned[:, 2:], after.w, atol=2e-2)
 
 
 def test_the_feedback_of_a_plan_brings_errors_back():

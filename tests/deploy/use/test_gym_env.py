@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
 from gymnasium.utils.env_checker import check_env
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.deploy.gym_env import Episode, FrictionEnv, FrictionVectorEnv
 from frictionid.deploy.simulator import Simulator
@@ -45,7 +46,7 @@ def test_the_same_seed_gives_the_same_episode():
     for seed in (5, 5, 6):
         first, _ = env.reset(seed=seed)
         seen.append([first, *(env.step(np.array([0.3]))[0] for _ in range(5))])
-    np.testing.assert_array_equal(seen[0], seen[1])
+    assert_array_equal(seen[0], seen[1])
     assert np.abs(np.array(seen[0]) - seen[2]).max() > 0.1
 
 
@@ -56,7 +57,7 @@ def test_many_machines_are_each_alone():
     alone = [FrictionEnv(SIMULATOR, EPISODE) for _ in range(count)]
     observed, _ = many.reset(seed=10)
     for i, env in enumerate(alone):
-        np.testing.assert_array_equal(observed[i], env.reset(seed=10 + i)[0])
+        assert_array_equal(observed[i], env.reset(seed=10 + i)[0])
     ended, ends = np.zeros(count, dtype=bool), 0
     for _ in range(25):
         actions = rng.uniform(-0.4, 0.4, (count, 1))
@@ -66,7 +67,7 @@ def test_many_machines_are_each_alone():
                 own = (env.reset()[0], 0.0, False, False)
             else:
                 own = env.step(actions[i])[:4]
-            np.testing.assert_allclose(observed[i], own[0], atol=1e-12)
+            assert_allclose(observed[i], own[0], atol=1e-12)
             assert (reward[i], over[i], late[i]) == (pytest.approx(own[1]), *own[2:])
         ended = over | late
         ends += int(ended.sum())

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import torch
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.calibration import Calibration
 from frictionid.deploy.simulator import Simulator
@@ -58,8 +59,8 @@ def test_steps_are_those_of_a_rollout(name):
     motion = Simulator(MACHINE, friction, dt=DT).run(State(q, w), u)
     plant = Plant.from_parameters(MACHINE, MACHINE.nominal())
     expected = rollout(plant, friction, State(q, w), u, np.full(T, DT))
-    np.testing.assert_array_equal(motion.q, expected.q)
-    np.testing.assert_array_equal(motion.w, expected.w)
+    assert_array_equal(motion.q, expected.q)
+    assert_array_equal(motion.w, expected.w)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -71,7 +72,7 @@ def test_a_machine_in_a_batch_moves_as_alone(name):
         own = Simulator(MACHINE, friction[i], dt=DT, parameters={"m4": float(m4[i])})
         alone = own.run(own.reset(q[i], w[i]), u[:, i])
         # the batch's smallest step is that of its stiffest machine
-        np.testing.assert_allclose(together.q[:, i], alone.q, atol=2e-6)
+        assert_allclose(together.q[:, i], alone.q, atol=2e-6)
 
 
 @pytest.mark.parametrize("name", ["stribeck", *COMBINED])
@@ -81,7 +82,7 @@ def test_tensors_move_as_arrays(name):
     tensors = Simulator(MACHINE, Friction(friction.law, torch.as_tensor(friction.theta)), dt=DT)
     found = tensors.run(tensors.reset(q, w), u)
     assert isinstance(found.q, torch.Tensor)
-    np.testing.assert_allclose(found.q.numpy(), arrays.run(arrays.reset(q, w), u).q, atol=1e-9)
+    assert_allclose(found.q.numpy(), arrays.run(arrays.reset(q, w), u).q, atol=1e-9)
 
 
 def test_a_machine_that_diverges_is_nan_and_the_others_go_on():
@@ -91,12 +92,12 @@ def test_a_machine_that_diverges_is_nan_and_the_others_go_on():
     w[1] = 1e7
     motion = usual.run(State(q, w), u)
     assert np.isnan(motion.q[1:, 1]).all() and np.isfinite(motion.q[0]).all()
-    np.testing.assert_allclose(motion.q[:, ::2], expected.q[:, ::2], atol=1e-12)
+    assert_allclose(motion.q[:, ::2], expected.q[:, ::2], atol=1e-12)
 
 
 def test_a_calibration_makes_the_machine_heavier():
     law, u = CoulombViscous(), np.full((100, 1), 3.0)
-    heavy = Friction(law, np.array([[1.0, 0.0]]), calibration=Calibration.ideal(1, np.array([4.0])))
+    heavy = Friction(law, [[1.0, 0.0]], calibration=Calibration.ideal(1, np.array([4.0])))
     simulator = Simulator(linear_axis(mass=2.0), heavy)
     assert simulator.run(simulator.reset(), u).w[-1, 0] == pytest.approx((3.0 - 1.0) / 4.0)
 
@@ -137,7 +138,7 @@ def test_mujoco_agrees_on_coulomb_and_viscous_friction():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "reason"),
+    "arguments, reason",
     [
         ({"friction": "model.json"}, "must be a Friction or a Fit"),
         ({"dt": 0.0}, "dt = 0.0 s must be a positive time"),
