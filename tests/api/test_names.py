@@ -10,7 +10,7 @@ from fixtures.paths import ROOT
 import frictionid
 
 HEAVY = ("numpy", "scipy", "pandas", "sympy", "torch", "matplotlib", "sklearn", "pydantic", "numba")
-SOURCE = ROOT / "frictionid" / "__init__.py"
+SOURCE = ROOT / "frictionid/__init__.py"
 
 
 def loaded(code):

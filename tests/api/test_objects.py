@@ -55,7 +55,7 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("arm")
     (place / "dataset.toml").write_text(TOML)
     for name in frames():
-        source = ROOT / "docs" / "quickstart" / f"{name}.csv"
+        source = ROOT / f"docs/quickstart/{name}.csv"
         (place / f"{name}.csv").write_bytes(source.read_bytes())
     return place
 
@@ -260,7 +260,7 @@ def test_a_suite_gives_the_numbers_of_the_function(bench, folder, tmp_path, monk
     assert run["stribeck"].value(*of) == pytest.approx(bench["stribeck"].value(*of), rel=1e-12)
     loaded = fid.load_comparison(tmp_path / "out")
     assert_array_equal(loaded["stribeck"].friction.theta, bench["stribeck"].friction.theta)
-    assert (tmp_path / "out" / "summary.md").exists()
+    assert (tmp_path / "out/summary.md").exists()
 
 
 def test_a_folder_holds_the_same_comparison(data, tmp_path, monkeypatch):
@@ -275,7 +275,7 @@ def test_a_folder_holds_the_same_comparison(data, tmp_path, monkeypatch):
     assert (out / "summary.md").read_text() and list((out / "figures").glob("*.svg"))
     with assert_refused("is no comparison|holds no comparison|holds"):
         (tmp_path / "other").mkdir()
-        (tmp_path / "other" / "mine.txt").write_text("mine")
+        (tmp_path / "other/mine.txt").write_text("mine")
         fid.compare(data, ["none"], folds=2, horizons=[0.5], folder=tmp_path / "other")
 
 

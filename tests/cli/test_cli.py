@@ -105,9 +105,9 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     problem = training_problem(data, plant_of(data), INTEGRAL, history=Protocol.history)
     weights = np.ones((1, len(problem.r)))
     expected = checked_fit(identifier_named("stribeck", {}), problem, weights, 0)
-    found = load_model(place / "models" / "fitted.json")
+    found = load_model(place / "models/fitted.json")
     assert_array_equal(found.theta, expected.theta[0])
-    source = json.loads((place / "models" / "fitted.json").read_text())["provenance"]
+    source = json.loads((place / "models/fitted.json").read_text())["provenance"]
     assert source["dataset"] == "tiny" and source["data"] == dict(data.hashes)
     assert source["seed"] == 0 and "integral" in source["recipe"]
 
@@ -145,7 +145,7 @@ def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):
 
 
 def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call):
-    text = (ROOT / "comparisons" / "own_friction.py").read_text(encoding="utf-8")
+    text = (ROOT / "comparisons/own_friction.py").read_text(encoding="utf-8")
     (place / "my_friction.py").write_text(text, encoding="utf-8")
     call("fit tiny --identifier my_friction:quadratic --by one_step --out own.json")
     call("fit tiny --identifier quadratic --by one_step --out built_in.json")
@@ -172,7 +172,7 @@ def test_evaluate_counts_the_parameters_that_compare_counts(place, call):
     compare_into(file, place / "counted")
     model = "counted/models/tiny--coulomb_viscous--shooting--seed0.json"
     assert call(f"evaluate {model} tiny --horizons 0.3 --out counted.csv")[0] == 0
-    compared = pd.read_csv(place / "counted" / "scores.csv")
+    compared = pd.read_csv(place / "counted/scores.csv")
     compared = compared[compared["identifier"] == "coulomb_viscous"]
     counts = [
         t.loc[t["score"] == "n_parameters", "value"].tolist()

@@ -35,7 +35,7 @@ def inputs(tmp_path_factory):
     small(folder)
     (folder / "arm").mkdir()
     for i in range(2):
-        swing(i).to_csv(folder / "arm" / f"run{i}.csv", index=False)
+        swing(i).to_csv(folder / f"arm/run{i}.csv", index=False)
     text = (TUTORIAL / "simulated.toml").read_text().replace("samples = 720", "samples = 40")
     (folder / "sim.toml").write_text(text)
     for name in ("camera.toml", "rig.toml"):

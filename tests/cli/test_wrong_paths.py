@@ -94,8 +94,8 @@ def pipes(tmp_path):
     for place in ("pipe", "pipe.safetensors", "robot/pipe", "result/provenance.json"):
         (tmp_path / place).parent.mkdir(exist_ok=True)
         os.mkfifo(tmp_path / place)
-    (tmp_path / "robot" / "dataset.toml").write_text(ROBOT)
-    (tmp_path / "robot" / "run.csv").write_text("t,q,u\n0,0,0\n0.01,0,0\n0.02,0,0\n")
+    (tmp_path / "robot/dataset.toml").write_text(ROBOT)
+    (tmp_path / "robot/run.csv").write_text("t,q,u\n0,0,0\n0.01,0,0\n0.02,0,0\n")
     (tmp_path / "weights.json").write_text(NETWORK)
     return tmp_path
 

@@ -176,7 +176,7 @@ def test_a_dead_scheduler_is_one_line_and_the_comparison_is_resumed_without(work
     (place / "kill").write_text(str(working.scheduler.pid))
     with assert_refused(r"the scheduler is gone: .* finish with --resume"):
         compare_into(place / "suite.toml", place / "resumed", dask=working.address)
-    done = stamps(place / "resumed" / "unfinished")
+    done = stamps(place / "resumed/unfinished")
     compare_into(place / "suite.toml", place / "resumed", resume=True)
     assert done.items() <= stamps(place / "resumed").items()
     assert_same_scores(place / "resumed", place / "serial")

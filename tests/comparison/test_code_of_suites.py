@@ -35,7 +35,7 @@ def test_code_from_elsewhere_is_not_imported(complaint, kind):
 
 
 def test_a_file_of_the_name_of_a_python_module_does_not_open_it(complaint, tmp_path):
-    (tmp_path / "suites" / "subprocess.py").write_text("mine = 1\n")
+    (tmp_path / "suites/subprocess.py").write_text("mine = 1\n")
     assert "is neither in a module beside" in complaint(
         kind="subprocess:Popen", args=["touch", "harm"]
     )

@@ -36,7 +36,7 @@ def fail(*_):
 
 
 def test_what_check_says_of_the_data_stays_with_the_results(whole):
-    about = json.loads((whole / "out" / "datasets.json").read_text())["tiny"]
+    about = json.loads((whole / "out/datasets.json").read_text())["tiny"]
     found = check(load_dataset(whole / "tiny"))
     assert about["check"]["level"] == found.level
     assert [own["text"] for own in about["check"]["findings"]] == [f.text for f in found.findings]
@@ -45,7 +45,7 @@ def test_what_check_says_of_the_data_stays_with_the_results(whole):
 @pytest.mark.parametrize("resume", [False, True])
 def test_a_comparison_that_fails_leaves_the_earlier_result(finished, resume):
     file, out = finished
-    (out / "tasks" / "mine.json").write_text("mine")
+    (out / "tasks/mine.json").write_text("mine")
     before = contents(out, ".lock")
     other = '; identifiers = [{kind = "coulomb_viscous", name = "new"}]'
     write_suite(file.parent, QUICK + other, file.name)
@@ -85,7 +85,7 @@ def test_finished_tasks_of_an_interrupted_comparison_need_resume_or_replace(fini
 
 def test_a_task_that_was_changed_is_noticed(finished):
     file, out = finished
-    path = out / "tasks" / "tiny--none--integral--seed0.json"
+    path = out / "tasks/tiny--none--integral--seed0.json"
     before = path.read_text()
     document = json.loads(before)
     document["rows"]["tiny"][0][5] *= 0.5
@@ -131,7 +131,7 @@ def test_a_kill_while_results_are_moved_into_place_loses_nothing(finished, monke
         patch.setattr(os, "replace", killed)
         compare_into(file, out)
     assert set(load_results(out).scores["identifier"]) == {"none", "truth"}
-    done = contents(out / "tasks") | contents(out / "unfinished" / "tasks")
+    done = contents(out / "tasks") | contents(out / "unfinished/tasks")
     compare_into(file, out, resume=True)
     assert not (out / "unfinished").exists()
     assert contents(out / "tasks") == done

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from frictionid.mechanics import acrobot
 from frictionid.simulate import load_rig, noise_free, simulate
 
-FOLDER = ROOT / "comparisons" / "peers"
+FOLDER = ROOT / "comparisons/peers"
 ROTORLESS = {"rotor": 0.0}
 
 

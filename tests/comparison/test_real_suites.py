@@ -48,7 +48,7 @@ def compared(request, real_data):
     """A suite's name, its prepared data, and results of its tasks by name."""
     name = request.param
     real = SUITES[name]
-    file = ROOT / "comparisons" / f"{name}.toml"
+    file = ROOT / f"comparisons/{name}.toml"
     every = tasks_of(load_suite(file), file, real_data / real.folder)
     whole = every[0].benchmark
     protocol = replace(whole.protocol, every=real.every, horizons=real.horizons)

@@ -67,7 +67,7 @@ def test_every_law_satisfies_the_protocol_and_survives_its_file(name, tmp_path):
     assert_array_equal(again.theta, theta)
 
 
-REFERENCES = Path(__file__).parents[2] / "docs" / "references.md"
+REFERENCES = Path(__file__).parents[2] / "docs/references.md"
 OF_THEIR_LAWS = {"none", "per_joint"}  # no friction, and other laws: there is no source of theirs
 
 

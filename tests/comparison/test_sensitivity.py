@@ -140,7 +140,7 @@ def suite(tmp_path_factory):
 @pytest.fixture(scope="module")
 def studied(suite):
     """Frame and page of the suite's study."""
-    return sensitivity_of_suite(suite, out=suite.parent / "report" / "small-sensitivity", jobs=1)
+    return sensitivity_of_suite(suite, out=suite.parent / "report/small-sensitivity", jobs=1)
 
 
 def test_the_command_writes_a_page_and_computes_nothing_twice(studied, suite, monkeypatch, run):

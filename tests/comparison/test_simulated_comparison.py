@@ -22,7 +22,7 @@ def errors(dataset, recipe):
 
 
 def test_noise_free_motion_gives_the_curves_to_two_percent():
-    rig = load_rig(DATA / "acrobot_clean" / "rig.toml")
+    rig = load_rig(DATA / "acrobot_clean/rig.toml")
     twin = simulate(noise_free(replace(rig, recordings=rig.recordings[::5], substeps=4)))
     assert (errors(twin, INTEGRAL) < 0.02).all()
 

@@ -149,7 +149,7 @@ def test_an_identifier_of_ones_own_is_found_beside_the_suite(place):
 
 def test_one_data_set_may_have_its_tables_elsewhere_and_several_may_not(place, tmp_path):
     tables = write_dataset(tmp_path / "tables")
-    (tmp_path / "tables" / "dataset.toml").unlink()
+    (tmp_path / "tables/dataset.toml").unlink()
     apart = place / "apart"
     write_dataset(apart, name="apart", changes='collection = "pendulums"')
     for table in apart.glob("*.csv"):

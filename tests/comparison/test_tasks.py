@@ -108,7 +108,7 @@ def started(folder, out, finished):
         start_new_session=True,
     )
     deadline = time.monotonic() + 60
-    while len(list((folder / out / "unfinished" / "tasks").glob("[!.]*.json"))) < finished:
+    while len(list((folder / out / "unfinished/tasks").glob("[!.]*.json"))) < finished:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -143,7 +143,7 @@ def test_ctrl_c_ends_at_once_and_resume_finishes_with_the_same_bytes(place, comm
     assert all(" of 6 done: tiny: " in line for line in done)
     assert last == "frictionid: interrupted; what is done stays in stopped: finish it with --resume"
     assert out == "" and group_is_gone(process.pid)
-    done = stamps(place / "stopped" / "unfinished")
+    done = stamps(place / "stopped/unfinished")
     assert 2 <= len(done) < 6
     after = compare(place / "suite.toml", place / "stopped", resume=True)
     assert_same_results(place / "stopped", place / "whole")
@@ -162,7 +162,7 @@ def test_cancelled_tasks_give_no_warning():
 
 def test_a_killed_comparison_leaves_nothing_behind_and_is_resumed(place):
     process = started(place, "killed", 2)
-    done = stamps(place / "killed" / "unfinished")
+    done = stamps(place / "killed/unfinished")
     os.kill(process.pid, signal.SIGKILL)  # the workers are not told
     process.communicate(timeout=20)
     assert process.returncode == -signal.SIGKILL
@@ -173,7 +173,7 @@ def test_a_killed_comparison_leaves_nothing_behind_and_is_resumed(place):
         (place / "killed" / part).mkdir(exist_ok=True)
         (place / "killed" / part / half).write_text('{"digest": ')
     first = sorted(done)[0]
-    (place / "killed" / "unfinished" / "tasks" / first).write_text('{"digest": "')
+    (place / "killed/unfinished/tasks" / first).write_text('{"digest": "')
     after = compare(place / "suite.toml", place / "killed", resume=True)
     assert_same_results(place / "killed", place / "whole")
     assert after[first] != done[first]
@@ -229,7 +229,7 @@ def test_results_of_tasks_that_left_the_suite_stay_and_are_not_reported(place):
     out = place / "shrunk"
     compare(file, out)
     before = contents(out / "tasks")
-    (out / "models" / "mine.json").write_text("mine")
+    (out / "models/mine.json").write_text("mine")
     write_suite(place, SUITE + 'identifiers = [{kind = "none"}]; seeds = [1]', "quick.toml")
     wanted = {f"tiny--{name}--integral--seed1.json" for name in ("none", "truth")}
     assert set(compare(file, out, resume=True)) == {*wanted, *before}
@@ -244,7 +244,7 @@ def test_a_data_set_that_changed_is_compared_anew(place):
     file = write_suite(place, SUITE + other, "mine.toml")
     write_dataset(place / "mine", changes=FEW)
     first = compare(file, place / "changed")
-    toml = place / "mine" / "dataset.toml"
+    toml = place / "mine/dataset.toml"
     toml.write_text(toml.read_text().replace("mass = 0.2", "mass = 0.21"))
     second = compare(file, place / "changed", resume=True)
     assert first.keys() == second.keys()
@@ -255,7 +255,7 @@ def test_a_data_set_that_changed_is_compared_anew(place):
 
 
 def test_scores_have_the_documented_columns_and_one_row_for_each_key(place):
-    table = pd.read_csv(place / "whole" / "scores.csv", dtype={"fold": str, "joint": str})
+    table = pd.read_csv(place / "whole/scores.csv", dtype={"fold": str, "joint": str})
     assert tuple(table.columns) == COLUMNS
     assert COLUMNS[:11] == tuple(
         "suite dataset identifier fit fold score statistic horizon_s joint value unit".split()
@@ -285,7 +285,7 @@ def test_scores_have_the_documented_columns_and_one_row_for_each_key(place):
 
 
 def test_provenance_is_complete(place):
-    document = json.loads((place / "whole" / "provenance.json").read_text())
+    document = json.loads((place / "whole/provenance.json").read_text())
     assert document["suite"] == "small"
     assert set(document["versions"]) >= {"python", "frictionid", "numpy", "scipy", "sympy", "torch"}
     hashes = {
@@ -301,14 +301,14 @@ def test_provenance_is_complete(place):
     given = [{k: v for k, v in e.items() if v is not None} for e in settings["identifiers"]]
     assert given == changes(SLOW_ONES)["identifiers"]
     assert len(document["tasks"]) == 6
-    assert {p.name for p in (place / "whole" / "tasks").iterdir()} == set(document["tasks"])
+    assert {p.name for p in (place / "whole/tasks").iterdir()} == set(document["tasks"])
     for task in load_results(place / "whole").tasks:
         assert "identifier" in task["settings"] and "recipe" in task["settings"]
         assert len(task["digest"]) == 64
 
 
 def test_models_say_where_they_come_from(place):
-    model = json.loads((place / "whole" / "models" / "tiny--a--integral--seed0.json").read_text())
+    model = json.loads((place / "whole/models/tiny--a--integral--seed0.json").read_text())
     source = model["provenance"]
     assert (source["dataset"], source["identifier"], source["fit"]) == ("tiny", "a", "integral")
     assert "Slow" in source["settings"]["identifier"]
@@ -316,19 +316,19 @@ def test_models_say_where_they_come_from(place):
 
 
 def test_timings_stand_apart(place):
-    table = pd.read_csv(place / "whole" / "timings.csv")
+    table = pd.read_csv(place / "whole/timings.csv")
     assert list(table.columns) == ["dataset", "identifier", "fit", "seed", "part", "seconds"]
     assert len(table) == 6 * 3 and (table["seconds"] >= 0).all()
     assert set(table["part"]) == {"prepare", "fit", "score"}
 
 
 def test_tables_show_the_finished_tasks(place, tmp_path):
-    for path in [*(place / "whole").rglob("*.json"), place / "whole" / "SHA256SUMS"]:
+    for path in [*(place / "whole").rglob("*.json"), place / "whole/SHA256SUMS"]:
         copy = tmp_path / path.relative_to(place / "whole")
         copy.parent.mkdir(exist_ok=True)
         copy.write_bytes(path.read_bytes())
-    (tmp_path / "tasks" / "tiny--a--integral--seed0.json").unlink()
-    (tmp_path / "models" / "old.json").write_text("{}")
+    (tmp_path / "tasks/tiny--a--integral--seed0.json").unlink()
+    (tmp_path / "models/old.json").write_text("{}")
     results = load_results(tmp_path)
     replace_files(tmp_path, reduction(results))
     assert set(results.scores["identifier"]) == {"none", "b", "c", "d", "truth"}
@@ -347,9 +347,9 @@ def test_tables_show_the_finished_tasks(place, tmp_path):
 
 def test_a_folder_with_something_else_in_it_is_left_alone(command, tmp_path):
     (tmp_path / "tasks").mkdir()
-    (tmp_path / "tasks" / "mine.json").write_text("{}")
+    (tmp_path / "tasks/mine.json").write_text("{}")
     assert_one_line(command(tmp_path), "holds no comparison but 'tasks': choose another --out\n")
-    assert (tmp_path / "tasks" / "mine.json").read_text() == "{}"
+    assert (tmp_path / "tasks/mine.json").read_text() == "{}"
     assert not (tmp_path / "provenance.json").exists()
 
 

@@ -110,7 +110,7 @@ def test_the_suites_own_settings_are_the_first_trial(place, tmp_path):
 
 
 def test_the_example_of_the_page_can_be_tuned_and_begins_with_what_the_suite_leaves_out(place):
-    page = (ROOT / "docs" / "identifiers.md").read_text()
+    page = (ROOT / "docs/identifiers.md").read_text()
     example = tomllib.loads(
         page.split("## Choosing settings")[1].split("```toml")[1].split("```")[0]
     )
@@ -326,13 +326,13 @@ def test_the_command_writes_a_page_and_a_suite_that_runs_with_the_chosen_setting
     table, file = suite(place)
     words = "tune suite.toml --jobs 1 --trust --out"
     code, out, _ = run(place, words, "t")
-    assert code == 0 and str(place / "t" / "summary.md") in out
+    assert code == 0 and str(place / "t/summary.md") in out
     # what the command calls
     tuned = fid.tune("suite.toml", out="t", jobs=1, resume=True, trust=True)
     assert str(tuned) in out and len(tuned.studies) == 4
-    assert len(tuned.frame) == len(pd.read_csv(place / "t" / "trials.csv")) == 4 * 2
+    assert len(tuned.frame) == len(pd.read_csv(place / "t/trials.csv")) == 4 * 2
     whole = next(study for study in tuned.studies if study.fold is None)
-    tasks = tasks_in(place / "t" / "tiny.toml")
+    tasks = tasks_in(place / "t/tiny.toml")
     chosen = {task.name: task.identifier for task in tasks}
     assert chosen["scaled"].factor == whole.best.settings["factor"] and "none" in chosen
     (first, *_) = tuning_tasks(table, file, trust=True)

@@ -87,7 +87,7 @@ def with_urdf(folder, **changes):
 
 def test_a_urdf_beside_the_data_set_describes_its_mechanism(tmp_path, monkeypatch):
     (tmp_path / "arm").mkdir()
-    (tmp_path / "arm" / "tilting.urdf").write_text(TILTING)
+    (tmp_path / "arm/tilting.urdf").write_text(TILTING)
     (tmp_path / "other").mkdir()
     monkeypatch.chdir(tmp_path / "other")
     data = with_urdf(tmp_path)
@@ -100,7 +100,7 @@ def test_a_urdf_beside_the_data_set_describes_its_mechanism(tmp_path, monkeypatc
         assert_allclose(one, other)
     digest = hashlib.sha256(TILTING.encode()).hexdigest()
     assert data.hashes["arm/tilting.urdf"] == digest
-    assert tmp_path / "arm" / "tilting.urdf" in dataset_files(tmp_path)
+    assert tmp_path / "arm/tilting.urdf" in dataset_files(tmp_path)
     assert with_urdf(tmp_path, sha256={"arm/tilting.urdf": digest}).hashes == data.hashes
     with assert_refused(r"tilting\.urdf is not the described file"):
         with_urdf(tmp_path, sha256={"arm/tilting.urdf": "0" * 64})

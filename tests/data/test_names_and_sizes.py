@@ -16,7 +16,7 @@ from frictionid.simulate.torques import Multisine, Noise
 
 def test_a_table_named_in_bytes_that_are_no_text_is_refused(tmp_path, run):
     write_dataset(tmp_path / "odd")
-    os.rename(tmp_path / "odd" / "00.csv", os.fsencode(tmp_path / "odd") + b"/\xff\x1b[31m.csv")
+    os.rename(tmp_path / "odd/00.csv", os.fsencode(tmp_path / "odd") + b"/\xff\x1b[31m.csv")
     outcome = run(tmp_path, "check", "odd")
     assert_one_line(outcome, "\\udcff\\x1b[31m", "rename it")
     assert "\x1b" not in outcome[2]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.white_jerk import NOISE, driven_by_white_jerk, wave
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.kalman import kalman_filter, padded_series
@@ -19,7 +20,7 @@ def clock(samples=300):
 
 def drawn(seed):
     """Times, a generator of random numbers, and noisy angles (T, 1) of a swing."""
-    time, rng = clock(), np.random.default_rng(seed)
+    time, rng = clock(), default_rng(seed)
     return time, rng, swing(time, rng)
 
 
@@ -41,7 +42,7 @@ def found(time, value, **more):
 
 
 def test_roughness_is_the_upper_quartile_of_the_samples_around():
-    sizes = 2.0 + np.random.default_rng(0).random((50, 3))
+    sizes = 2.0 + default_rng(0).random((50, 3))
     around = np.stack([np.delete(sizes[20:31], 5, axis=0), np.delete(sizes[30:41], 5, axis=0)])
     expected = np.quantile(around, 0.75, axis=1, method="inverted_cdf")
     assert_array_equal(_roughness(sizes)[[25, 35]], expected)
@@ -52,7 +53,7 @@ def test_roughness_is_the_upper_quartile_of_the_samples_around():
 
 def test_a_deletion_residual_is_what_a_smoother_without_the_sample_leaves():
     """Two routes: all at once, and each sample left out on its own."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     time = np.cumsum(rng.uniform(0.01, 0.03, 40))
     series = padded_series([Signal(time, swing(time, rng))])
     rho = np.array([1e8])
@@ -68,7 +69,7 @@ def test_a_deletion_residual_is_what_a_smoother_without_the_sample_leaves():
 def test_deletion_residuals_of_noise_have_its_size():
     """Positions driven by white jerk, with unit noise: residuals are standard normal."""
     rho = 1e6
-    value = driven_by_white_jerk(np.random.default_rng(1), rho, 4000, 1, RATE)
+    value = driven_by_white_jerk(default_rng(1), rho, 4000, 1, RATE)
     series = padded_series([Signal(clock(4000), value)])
     fit = kalman_filter(series, np.array([rho]))
     residual = deletion_residuals(series, np.zeros(series.valid.shape, dtype=bool), fit)
@@ -81,7 +82,7 @@ def test_deletion_residuals_of_noise_have_its_size():
 @pytest.mark.parametrize("size", [0.05, 1.0, 20.0])
 @pytest.mark.parametrize("share", [0.01, 0.05, 0.1])
 def test_outliers_are_left_out_and_good_samples_stay(size, share):
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     time = clock()
     clean = np.hstack([swing(time, rng) for _ in range(4)])
     wild = rng.random(clean.shape) < share
@@ -100,7 +101,7 @@ def test_outliers_at_the_ends_and_side_by_side_take_no_good_samples_along(places
 @pytest.mark.parametrize("size", [0.05, 1.0])
 def test_outliers_of_a_jerky_motion_do_not_hide_all_together(size):
     """They pass for rough measurements, or the rest for a motion without noise."""
-    rng, time = np.random.default_rng(0), clock(121)
+    rng, time = default_rng(0), clock(121)
     clean = np.stack([switched(time, rng) for _ in range(40)], axis=1)
     wild = rng.random(clean.shape) < 0.05
     wild[[0, 1, -2, -1]] = False
@@ -129,7 +130,7 @@ def true_speed(time):
 
 
 def test_outliers_of_one_joint_leave_the_other_joint_alone():
-    time, rng = clock(), np.random.default_rng(5)
+    time, rng = clock(), default_rng(5)
     value = np.hstack([swing(time, rng), swing(time, rng)])
     value[70, 1] -= 0.3
     assert np.argwhere(states_of(time, value).left_out).tolist() == [[70, 1]]
@@ -180,14 +181,14 @@ def chattering(time, rng):
 
 @pytest.mark.parametrize("motion", [bouncing, stick_slip, quantised, resting, switched, chattering])
 def test_rough_but_real_motion_stays(motion):
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     time = clock(400)
     columns = np.stack([motion(time, rng) for _ in range(4)], axis=1)
     assert states_of(time, columns).left_out.mean() <= 0.005
 
 
 def test_single_steps_of_an_encoder_at_rest_are_no_outliers():
-    rng, time = np.random.default_rng(12), clock(3000)
+    rng, time = default_rng(12), clock(3000)
     flicker = 1e-4 * rng.choice([-1.0, 0.0, 1.0], len(time), p=[0.005, 0.99, 0.005])
     value = 0.3 + flicker[:, None]
     assert not found(time, value).any()
@@ -196,7 +197,7 @@ def test_single_steps_of_an_encoder_at_rest_are_no_outliers():
 
 
 def test_dropped_samples_and_noise_that_differs_between_recordings_are_no_outliers():
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     signals = []
     for noise in (2e-4, 2e-3, 2e-2):
         time = np.delete(clock(), rng.choice(300, 60, replace=False))
@@ -235,7 +236,7 @@ def test_the_causal_filter_is_not_thrown_off_by_samples_without_weight():
 @pytest.mark.parametrize("slower", [10**1.2, 10**1.8])
 def test_a_slower_clock_changes_no_angle_and_no_outlier(slower):
     """Of a first state that is next to unknown only the ends see how unknown it is."""
-    time, rng = clock(), np.random.default_rng(3)
+    time, rng = clock(), default_rng(3)
     value = swing(time, rng, noise=5e-2)
     value[[40, 200]] += 1.0
     fast, slow = (states_of(t, value) for t in (time, slower * time))

@@ -156,7 +156,7 @@ def test_a_file_is_read_once_and_keeps_its_own_parameters(tmp_path):
 
 def test_tables_in_folders_keep_the_folder_in_their_name(tmp_path):
     (tmp_path / "monday").mkdir()
-    (tmp_path / "monday" / "01.csv").write_bytes(csv_bytes(motion()))
+    (tmp_path / "monday/01.csv").write_bytes(csv_bytes(motion()))
     dataset = load(tmp_path, described(recordings__patterns=["*/*.csv"]))
     assert dataset.recordings[0].name == "monday/01"
     assert set(dataset.hashes) == {"monday/01.csv"}
@@ -209,7 +209,7 @@ def test_a_span_cuts_velocity_truth_and_covariates_alike(tmp_path):
 
 
 def test_a_collection_is_found_by_folder_and_by_variable(tmp_path, monkeypatch):
-    described_in, tables = tmp_path / "here", tmp_path / "there" / "arms"
+    described_in, tables = tmp_path / "here", tmp_path / "there/arms"
     described_in.mkdir()
     tables.mkdir(parents=True)
     (tables / "a.csv").write_bytes(csv_bytes(motion()))
@@ -237,7 +237,7 @@ def test_a_hash_is_compared_and_both_are_printed(tmp_path):
 
 def test_the_readmes_description_is_valid():
     """Only the layout: its tables are nowhere."""
-    _, _, rest = (ROOT / "data" / "README.md").read_text().partition("```toml\n")
+    _, _, rest = (ROOT / "data/README.md").read_text().partition("```toml\n")
     text, end, _ = rest.partition("```")
     assert end
     assert len(check_dataset_toml(tomllib.loads(text), "README").columns.clocks) == 1

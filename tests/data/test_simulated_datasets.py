@@ -52,7 +52,7 @@ def test_a_data_set_is_what_its_rig_makes(name, committed):
 
 
 def test_rounding_does_not_grow_to_what_the_regeneration_tolerates():
-    rig = replace(load_rig(DATA / "acrobot_sim" / "rig.toml"), substeps=2)
+    rig = replace(load_rig(DATA / "acrobot_sim/rig.toml"), substeps=2)
     moved = tuple(
         replace(run, start_angle=tuple(q + 1e-11 for q in run.start_angle))
         for run in rig.recordings

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
 from fixtures.white_jerk import NOISE, driven_by_white_jerk, transition, wave
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import savgol_filter
 
@@ -32,7 +33,7 @@ def uneven(rng, length=60):
 
 @pytest.fixture(params=["even", "uneven"])
 def time(request):
-    return even() if request.param == "even" else uneven(np.random.default_rng(1))
+    return even() if request.param == "even" else uneven(default_rng(1))
 
 
 def one(time, value):
@@ -68,7 +69,7 @@ ROUNDING = {1e5: 1e-4, 1e8: 5e-6, 1e11: 1e-7}
 
 @pytest.mark.parametrize("rho", ROUNDING)
 def test_the_smoother_is_the_dense_least_squares_solution(time, rho):
-    value = wave(time, np.random.default_rng(2))
+    value = wave(time, default_rng(2))
     expected = most_probable(time, value, rho)
     found = rts_smoother(padded_series([one(time, value)]), np.array([rho]))[:, 0]
     error = np.abs(found - expected).max(axis=0) / np.abs(expected).max(axis=0)
@@ -77,7 +78,7 @@ def test_the_smoother_is_the_dense_least_squares_solution(time, rho):
 
 
 def test_the_filter_is_the_smoother_of_the_samples_so_far(time):
-    value = wave(time, np.random.default_rng(3))
+    value = wave(time, default_rng(3))
     rho = np.array([1e9])
     mean = kalman_filter(padded_series([one(time, value)]), rho).mean[0]
     for stop in (4, 10, 31, 60):
@@ -88,7 +89,7 @@ def test_the_filter_is_the_smoother_of_the_samples_so_far(time):
 
 
 def test_the_causal_estimator_sees_nothing_of_what_comes_later():
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     time = even()
     angle = one(time, wave(time, rng))
     for stop in (3, 10, 31):
@@ -101,7 +102,7 @@ def test_the_causal_estimator_sees_nothing_of_what_comes_later():
 
 def test_the_public_estimators_use_the_likeliest_ratio():
     time = even()
-    angle = one(time, wave(time, np.random.default_rng(5)))
+    angle = one(time, wave(time, default_rng(5)))
     series = padded_series([angle])
     rho = likeliest_jerk_ratio(series)
     assert_array_equal(RTS()([angle])[0].w, rts_smoother(series, rho)[..., 1])
@@ -112,7 +113,7 @@ def test_the_public_estimators_use_the_likeliest_ratio():
 
 @pytest.mark.parametrize("exponent", [5.0, 8.0, 10.0])
 def test_the_likeliest_ratio_is_that_of_the_model_which_drew_the_data(exponent):
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     # the ratio is all that matters, not the size of the noise
     value = NOISE * driven_by_white_jerk(rng, 10.0**exponent, 240, 48, 60.0)
     angle = Signal(even(240), value)
@@ -148,7 +149,7 @@ def estimator(request):
 
 def several(seed):
     """Recordings of two joints, unequal in length and clock."""
-    out, rng = [], np.random.default_rng(seed)
+    out, rng = [], default_rng(seed)
     for length in (40, 77, 25):
         time = uneven(rng, length)
         out.append(Signal(time, np.stack([wave(time, rng), 3 * wave(time, rng)], axis=1)))
@@ -191,7 +192,7 @@ EXACT = [
 
 @pytest.mark.parametrize("estimator, degree", EXACT)
 def test_motions_that_the_model_contains_are_exact(estimator, degree, time):
-    motion = np.polynomial.Polynomial(np.random.default_rng(10).normal(size=degree + 1))
+    motion = np.polynomial.Polynomial(default_rng(10).normal(size=degree + 1))
     states = estimator([one(time, motion(time))])[0]
     # the causal filter needs three samples for three unknowns
     settled = slice(3 if isinstance(estimator, KalmanFilter) else 0, None)
@@ -232,7 +233,7 @@ def test_backward_differences_are_what_a_semi_implicit_step_undoes():
 @pytest.mark.parametrize("window, order", [(5, 2), (7, 3), (11, 4)])
 def test_savgol_is_scipys_on_an_even_clock(window, order):
     time = even(80)
-    value = wave(time, np.random.default_rng(13))
+    value = wave(time, default_rng(13))
     states = SavitzkyGolay(window, order)([one(time, value)])[0]
     whole = slice(window // 2, -(window // 2))  # scipy treats the ends in its own ways
     for found, deriv in ((states.q, 0), (states.w, 1)):
@@ -241,8 +242,8 @@ def test_savgol_is_scipys_on_an_even_clock(window, order):
 
 
 def test_savgol_sees_its_window_only():
-    time = uneven(np.random.default_rng(14))
-    value = wave(time, np.random.default_rng(15))
+    time = uneven(default_rng(14))
+    value = wave(time, default_rng(15))
     other = value.copy()
     other[20] += 1.0
     a, b = (SavitzkyGolay(7, 3)([one(time, y)])[0].w[:, 0] for y in (value, other))

@@ -7,6 +7,7 @@ import pytest
 from fixtures.dataset_files import load_single
 from fixtures.refusals import assert_refused
 from fixtures.true_curves import plain_friction
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
@@ -30,7 +31,7 @@ def test_the_smoother_trusts_samples_by_their_noise():
     """Of rough samples that are not left out as outliers, as `RTS` would."""
     t = np.arange(240) / RATE
     true = np.sin(4 * t)[:, None]
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     sigma = np.where(rng.random(t.shape) < 0.3, 0.05, 0.001)[:, None]
     errors = []
     for _ in range(20):
@@ -44,7 +45,7 @@ def test_the_smoother_trusts_samples_by_their_noise():
 
 def test_equal_deviations_change_nothing():
     t = np.arange(90) / RATE
-    value = noisy(np.sin(5 * t)[:, None], np.random.default_rng(1), 0.002)
+    value = noisy(np.sin(5 * t)[:, None], default_rng(1), 0.002)
     plain = RTS()([Signal(t, value)])[0]
     weighted = RTS()([Signal(t, value, sigma=np.full_like(value, 0.7))])[0]
     assert_array_equal(weighted.q, plain.q)
@@ -61,7 +62,7 @@ def swings(sigma_of):
         substeps=4,
     )
     data = simulate(rig)
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     recordings = []
     for r in data.recordings:
         sigma = sigma_of(rng, r.truth.angle.value.shape)

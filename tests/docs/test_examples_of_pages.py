@@ -17,7 +17,7 @@ PAGES = [
 
 @pytest.mark.parametrize("name, lines, flags", PAGES)
 def test_every_line_of_the_page_gives_what_it_shows(name, lines, flags, tmp_path, monkeypatch):
-    path = ROOT / "docs" / f"{name}.md"
+    path = ROOT / f"docs/{name}.md"
     monkeypatch.chdir(ROOT if name == "mechanisms" else tmp_path)
     # a fence ends what an example prints, as an empty line would
     text = re.sub(r"^```.*$", "", path.read_text(), flags=re.MULTILINE)

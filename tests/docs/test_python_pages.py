@@ -14,10 +14,10 @@ from fixtures.paths import ROOT
 from fixtures.printed import assert_alike
 
 PAGES = [
-    ROOT / "docs" / "python.md",
-    ROOT / "docs" / "monitoring.md",
-    ROOT / "docs" / "watching.md",
-    *sorted((ROOT / "docs" / "python").glob("*.md")),
+    ROOT / "docs/python.md",
+    ROOT / "docs/monitoring.md",
+    ROOT / "docs/watching.md",
+    *sorted((ROOT / "docs/python").glob("*.md")),
 ]
 
 
@@ -43,7 +43,7 @@ def shown(code, namespace, name):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_block_of_the_page_runs(page, tmp_path, monkeypatch):
     (tmp_path / "arm").mkdir()
-    for table in (ROOT / "docs" / "quickstart").glob("*.csv"):
+    for table in (ROOT / "docs/quickstart").glob("*.csv"):
         shutil.copy(table, tmp_path / "arm")
     monkeypatch.chdir(tmp_path)
     module = types.ModuleType("page")  # classes of the page are of a module that is there

@@ -5,7 +5,7 @@ import re
 from fixtures.paths import ROOT
 
 KEY = re.compile(r"\[([A-Z][A-Za-z-]+(?:19|20)\d\d)\]")
-LIST = ROOT / "docs" / "references.md"
+LIST = ROOT / "docs/references.md"
 
 
 def test_every_key_has_an_entry():

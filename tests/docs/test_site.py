@@ -123,7 +123,7 @@ def test_the_table_of_failures_says_what_check_says(mistake):
 
 def test_the_lines_of_the_readme_run_on_a_table_of_ones_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run = pd.read_csv(DOCS / "quickstart" / "run1.csv", sep=";", decimal=",")
+    run = pd.read_csv(DOCS / "quickstart/run1.csv", sep=";", decimal=",")
     torque = 0.035 * 9 * run.current_A
     df = pd.DataFrame({"t": run.t_ms / 1000, "q": run.pos_deg, "u": torque})
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)

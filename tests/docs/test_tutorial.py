@@ -33,14 +33,14 @@ MAIN = "import sys; from frictionid.__main__ import main; sys.exit(main())"
 
 def commands():
     """Lines of the page's shell blocks."""
-    text = (ROOT / "docs" / "tutorial.md").read_text()
+    text = (ROOT / "docs/tutorial.md").read_text()
     blocks = re.findall(r"^```sh\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
     return [line for block in blocks for line in block.splitlines()]
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    for path in (ROOT / "docs" / "tutorial").iterdir():
+    for path in (ROOT / "docs/tutorial").iterdir():
         shutil.copy(path, tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -96,7 +96,7 @@ def _check(folder, out):
 
 
 def test_the_settings_on_the_page_of_the_drive_are_accepted():
-    text = (ROOT / "docs" / "drive.md").read_text()
+    text = (ROOT / "docs/drive.md").read_text()
     blocks = re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
     rig, ros = map(tomllib.loads, blocks)
     setup = rig_settings_of(rig, "rig.toml")
@@ -111,7 +111,7 @@ def test_the_settings_on_the_page_of_the_drive_are_accepted():
 
 
 def test_the_simulated_rig_names_every_key_that_a_rig_may_have():
-    text = (ROOT / "docs" / "tutorial" / "simulated.toml").read_text()
+    text = (ROOT / "docs/tutorial/simulated.toml").read_text()
     kinds = [*get_args(get_args(AnyCommand)[0]), *get_args(get_args(AnyFriction)[0])]
     classes = [Rig, Camera, Drive, Run, Variation, Controller, Fourier, Curve, *kinds]
     for name in {field.name for each in classes for field in fields(each)}:

@@ -119,7 +119,7 @@ def test_a_line_that_counts_the_columns_as_pandas_does_is_their_header(call, tmp
 
 def test_signs_that_contradict_the_motion_are_turned_and_said(call, tmp_path):
     assert call(f"init turned {INIT} {MOTOR}")[0] == 0
-    text = (tmp_path / "turned" / "dataset.toml").read_text()
+    text = (tmp_path / "turned/dataset.toml").read_text()
     assert "corrected: " in text and "has the wrong sign" in text
     assert list(tomllib.loads(text)["signs"].values()) == [-1]
     same_motion(tmp_path / "turned")
@@ -143,7 +143,7 @@ def test_what_is_there_is_overwritten_with_replace_only(call, tmp_path):
         assert file.read_text() == "mine"
         assert call(f"{ARM} --replace")[0] == 0
         assert "mine" not in file.read_text()
-        (tmp_path / "arm" / "dataset.toml").unlink()
+        (tmp_path / "arm/dataset.toml").unlink()
 
 
 MISSING = r"""
@@ -208,15 +208,15 @@ def test_positions_of_the_motor_are_told_by_the_motion(call, tmp_path):
 def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     (tmp_path / "servo").mkdir()
     frame = pd.DataFrame({"t": TIME, "goal": Q, "pos": 0.9 * Q})
-    frame.to_csv(tmp_path / "servo" / "run.csv", index=False)
+    frame.to_csv(tmp_path / "servo/run.csv", index=False)
     code, out, _ = call(f"init servo {INIT} --gains 4,0.05 --set limit=2 {MOTOR}")
     assert "# MISSING: output of the controller" in out and "missing: output of" in out
     document = written(tmp_path / "servo")
     assert code == 0 and "torque" not in document["columns"] and "not used" not in out
     gains = {"P": 4.0, "D": 0.05, "limit": 2}
     assert document["actuator"] == {"target": "goal", "output": "torque", **gains}
-    (tmp_path / "servo" / "dataset.toml").unlink()
-    (tmp_path / "servo" / "suite.toml").unlink()
+    (tmp_path / "servo/dataset.toml").unlink()
+    (tmp_path / "servo/suite.toml").unlink()
     out = call(f"init servo {INIT}")[1]
     assert "missing: gains of the controller" in out and "output of" not in out
     assert "next: write the gains into dataset.toml, then frictionid quick" in out
@@ -226,7 +226,7 @@ def test_counts_and_a_current_of_a_servo_make_a_controllers_file(call, tmp_path)
     (tmp_path / "servo").mkdir()
     q = np.rint(2048 + 4096 / (2 * np.pi) * Q)
     frame = pd.DataFrame({"t": TIME, "goal_position": q, "present_position": q, "I_mA": 900 * U})
-    frame.to_csv(tmp_path / "servo" / "run.csv", index=False)
+    frame.to_csv(tmp_path / "servo/run.csv", index=False)
     code, out, _ = call(f"init servo {INIT}")
     document = written(tmp_path / "servo")
     assert code == 0 and document["actuator"]["target"] == "goal_position"
@@ -241,7 +241,7 @@ def test_elements_of_vectors_are_columns_as_those_of_lerobot(call, tmp_path):
     (tmp_path / "servo").mkdir()
     columns = {"observation.state": Q[:, None], "timestamp": TIME, "action": 0.9 * Q[:, None]}
     vectors = pd.DataFrame({name: list(values) for name, values in columns.items()})
-    vectors.to_parquet(tmp_path / "servo" / "file-000.parquet")
+    vectors.to_parquet(tmp_path / "servo/file-000.parquet")
     assert call(f"init servo {INIT} --gains 4,0.05")[0] == 0
     document = written(tmp_path / "servo")
     assert document["actuator"]["target"] == "action[0]"
@@ -250,10 +250,10 @@ def test_elements_of_vectors_are_columns_as_those_of_lerobot(call, tmp_path):
 
 
 def test_a_lerobot_data_set_is_refused_with_the_reader_that_reads_it(call, tmp_path):
-    (tmp_path / "episodes" / "data" / "chunk-000").mkdir(parents=True)
-    (tmp_path / "episodes" / "data" / "chunk-000" / "file-000.parquet").write_bytes(b"PAR1")
-    (tmp_path / "episodes" / "meta").mkdir()
-    (tmp_path / "episodes" / "meta" / "info.json").write_text('{"fps": 30}')
+    (tmp_path / "episodes/data/chunk-000").mkdir(parents=True)
+    (tmp_path / "episodes/data/chunk-000/file-000.parquet").write_bytes(b"PAR1")
+    (tmp_path / "episodes/meta").mkdir()
+    (tmp_path / "episodes/meta/info.json").write_text('{"fps": 30}')
     outcome = call(f"init episodes {INIT}")
     assert_one_line(outcome, "is a LeRobot data set", "data/*/*.parquet", 'kind = "lerobot"')
 
@@ -261,4 +261,4 @@ def test_a_lerobot_data_set_is_refused_with_the_reader_that_reads_it(call, tmp_p
 def test_an_interrupted_call_can_be_made_again(call, tmp_path):
     for _ in range(2):
         assert call(ARM)[0] == 0
-        (tmp_path / "arm" / "dataset.toml").unlink()  # written last
+        (tmp_path / "arm/dataset.toml").unlink()  # written last

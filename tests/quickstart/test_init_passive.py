@@ -13,7 +13,7 @@ def test_a_table_without_torque_is_of_a_passive_pendulum(run, tmp_path):
     (tmp_path / "drop").mkdir()
     time = np.arange(200) / 100.0
     frame = pd.DataFrame({"t": time, "q": np.sin(5 * time), "w": 5 * np.cos(5 * time)})
-    frame.to_csv(tmp_path / "drop" / "run.csv", index=False)
+    frame.to_csv(tmp_path / "drop/run.csv", index=False)
     code, out, _ = run(tmp_path, "init", "drop", *INIT.split())
     assert code == 0 and "passive motion" in out
     data = load_dataset(tmp_path / "drop")
@@ -30,7 +30,7 @@ def test_angles_of_a_passive_chain_from_upright_become_those_of_its_joints(run, 
     theta = np.pi + np.cumsum(true.angle.value, axis=1)
     columns = {"t": true.angle.time, "theta1": theta[:, 0], "theta2": theta[:, 1], "cart": 0.0}
     (tmp_path / "chain").mkdir()
-    pd.DataFrame(columns).to_csv(tmp_path / "chain" / "run.csv", index=False)
+    pd.DataFrame(columns).to_csv(tmp_path / "chain/run.csv", index=False)
     values = [word for name, value in links.items() for word in ("--set", f"{name}={value}")]
     code, out, _ = run(tmp_path, "init", "chain", "--mechanism", "double_pendulum", *values)
     assert code == 0 and "passive motion" in out and "add +180 degrees to angle 1" in out

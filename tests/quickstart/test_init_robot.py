@@ -42,7 +42,7 @@ def arm(tmp_path_factory):
         '<robot name="wrist">', '<robot name="wrist" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     )
     (folder / "meshes").mkdir()
-    (folder / "meshes" / "link.stl").write_bytes(b"solid")
+    (folder / "meshes/link.stl").write_bytes(b"solid")
     (folder / "wrist.urdf").write_text(text)
     return urdf(folder / "wrist.urdf").with_values(
         {"rotor_one": 0.4, "rotor_two": 0.3, "rotor_three": 0.05}
@@ -66,13 +66,13 @@ def call(arm, exact, tmp_path, run):
         known = () if robot == "legged.xml" else known
         frame = pd.DataFrame({"t": exact[0], **columns})
         (tmp_path / "log").mkdir(exist_ok=True)
-        frame.to_csv(tmp_path / "log" / "run.csv", index=False)
+        frame.to_csv(tmp_path / "log/run.csv", index=False)
         for name in ("dataset.toml", "suite.toml"):
             (tmp_path / "log" / name).unlink(missing_ok=True)
         sets = [x for name, value in known for x in ("--set", f"rotor_{name}={value}")]
         code, out, err = run(tmp_path, "init log --mechanism", robot, *arguments, *sets)
         assert (code, err) == (0, f"reading {robot} and the tables, which takes seconds ...\n")
-        return tomllib.loads((tmp_path / "log" / "dataset.toml").read_text()), out
+        return tomllib.loads((tmp_path / "log/dataset.toml").read_text()), out
 
     init.folder = tmp_path / "log"
     return init
@@ -189,7 +189,7 @@ def test_a_joint_that_hardly_moves_is_locked_where_it_stands(arm, tmp_path, run)
     for name in ("joint 1", "joint 2"):
         q, u = wrist.of_joints(frames[name])
         columns = {"t": frames[name]["t"], **named({"q_{}": q, "tau_{}": u})}
-        pd.DataFrame(columns).to_csv(tmp_path / "log" / f"{name}.csv", index=False)
+        pd.DataFrame(columns).to_csv(tmp_path / f"log/{name}.csv", index=False)
     code, out, _ = run(tmp_path, "init", "log", "--mechanism", "wrist.urdf")
     assert code == 0 and "three: hardly any motion in these tables" in out
     dataset = load_dataset(tmp_path / "log")

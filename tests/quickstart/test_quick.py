@@ -31,7 +31,7 @@ from frictionid.report.figures.style import png
 from frictionid.simulate import Curve
 
 LAWS = BY_ANGLES.steps[1:]
-PAGE = ROOT / "docs" / "quickstart.md"
+PAGE = ROOT / "docs/quickstart.md"
 
 
 def shown(name):
@@ -52,7 +52,7 @@ def place(tmp_path_factory):
     """A folder with the tables of the page for newcomers in `arm`, described by its `init`."""
     folder = tmp_path_factory.mktemp("newcomer")
     (folder / "arm").mkdir()
-    for table in (ROOT / "docs" / "quickstart").glob("*.csv"):
+    for table in (ROOT / "docs/quickstart").glob("*.csv"):
         shutil.copy(table, folder / "arm")
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as out:
         patch.chdir(folder)
@@ -244,7 +244,7 @@ def test_unusable_data_get_no_verdict_and_a_model_that_says_so(tmp_path, run):
     result = quick(changed(Dataset("turned", MACHINE, recordings()), "torque", np.negative))
     assert result.check.level == "unusable" and result.chosen is None and verdict(result) == []
     write_lab_tables(tmp_path / "arm", sign=-1.0)
-    own = tmp_path / "arm" / "dataset.toml"
+    own = tmp_path / "arm/dataset.toml"
     own.write_text(
         'name = "arm"\n[mechanism]\nkind = "pendulum"\nparameters = { mass = 0.4, length = 0.25 }\n'
         '[columns]\ntime = "t_ms"\nangle = "pos_deg"\ntorque = "I_motor"\n'

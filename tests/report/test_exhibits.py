@@ -13,7 +13,7 @@ def test_captions_of_a_fit_name_its_method(scheme, tmp_path):
     own = made.task("law", curve=0.1, refined=made.shot())
     own["method"] = {"scheme": scheme, "corrects": []}
     folder = made.blank(tmp_path, [own])
-    table = (folder / "tables" / "shooting--made--law.md").read_text()
+    table = (folder / "tables/shooting--made--law.md").read_text()
     assert f"parameters of law by {scheme} (recipe" in table
     assert f"Friction by {scheme} on made with its 95 % bands" in made.words(folder)
 

@@ -65,7 +65,7 @@ def computed(tmp_path_factory):
 
 def summary(folder):
     """Cells of the table of a data set."""
-    return made.grid((folder / "tables" / "summary--made.md").read_text())
+    return made.grid((folder / "tables/summary--made.md").read_text())
 
 
 # --- The same results, the same files ----------------------------------------------------------
@@ -91,7 +91,7 @@ def test_a_folder_without_results_is_the_users_mistake(tmp_path):
 
 def test_unfinished_tasks_are_told(tmp_path):
     made.typical(tmp_path)
-    (tmp_path / "tasks" / "task03.json").unlink()
+    (tmp_path / "tasks/task03.json").unlink()
     made.undrawn(tmp_path)
     assert "Unfinished: 1 of 6 tasks" in (tmp_path / "summary.md").read_text()
 
@@ -103,7 +103,7 @@ def test_unfinished_tasks_are_told(tmp_path):
 def test_numbers_of_the_tables_are_those_of_the_scores(dataset, computed):
     long = pd.read_csv(computed / "scores.csv", dtype={"fold": str, "joint": str})
     long = long[(long["dataset"] == dataset) & (long["joint"] == "all")]
-    table = pd.read_csv(computed / "tables" / f"summary--{dataset}.csv")
+    table = pd.read_csv(computed / f"tables/summary--{dataset}.csv")
     assert list(table["identifier"]) == ["none", *["coulomb_viscous"] * 2, "truth"]
     for line in table.to_dict("records"):
         recipe = "study" if pd.isna(line["recipe"]) else line["recipe"]
@@ -137,7 +137,7 @@ def test_printed_numbers_are_those_of_the_table(typical):
 
 
 def test_parameters_are_those_of_the_models(computed):
-    table = pd.read_csv(computed / "tables" / "parameters--tiny.csv")
+    table = pd.read_csv(computed / "tables/parameters--tiny.csv")
     model = next(m for m in made.section(computed).models if m.recipe == "integral")
     own = table[(table["recipe"] == "integral") & (table["parameter"] == "coulomb")]
     assert own["mean"].item() == pytest.approx(model.theta[:, 0, 0].mean(), rel=1e-8)
@@ -237,7 +237,7 @@ def odd(tmp_path_factory):
 
 
 def test_odd_names_stand_in_markdown_as_they_are(odd):
-    cells = made.grid((odd / "tables" / "summary--my-rig.md").read_text())
+    cells = made.grid((odd / "tables/summary--my-rig.md").read_text())
     assert {len(line) for line in cells} == {len(cells[0])}
     named = [re.sub("&(amp|lt|gt);", lambda m: {"amp": "&"}[m[1]], line[0]) for line in cells[1:]]
     assert named == list(ODD)
@@ -246,7 +246,7 @@ def test_odd_names_stand_in_markdown_as_they_are(odd):
 
 
 def test_odd_names_are_escaped_in_latex(odd):
-    text = (odd / "tables" / "summary--my-rig.tex").read_text()
+    text = (odd / "tables/summary--my-rig.tex").read_text()
     body = text.partition(r"\begin{tabular}")[2]
     plain = re.sub(r"\\(?:[&%$#_{}]|text\w+\{\}|pm\b)", "", body)
     assert not re.search(r"[%#~^]", plain)
@@ -268,7 +268,7 @@ def test_every_figure_is_drawn_whatever_the_names(odd, computed):
             halves = [half.mean() for half in np.array_split(drawn, 2, axis=1)]
             assert min(halves) > 0.005, picture.stem
             for kind in ("pdf", "svg"):
-                assert (folder / "figures" / f"{picture.stem}.{kind}").exists()
+                assert (folder / f"figures/{picture.stem}.{kind}").exists()
 
 
 def pictures_of(folder):
@@ -289,7 +289,7 @@ def test_links_of_the_page_lead_somewhere(typical):
 
 
 def test_latex_groups_span_their_columns(typical):
-    text = (typical / "tables" / "summary--made.tex").read_text()
+    text = (typical / "tables/summary--made.tex").read_text()
     columns = re.search(r"\\begin{tabular}{([lr]+)}", text)[1]
     spans = [int(n) for n in re.findall(r"\\multicolumn{(\d+)}", text)]
     assert sum(spans) == len(columns)

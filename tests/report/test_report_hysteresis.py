@@ -188,7 +188,7 @@ def test_what_a_suite_asks_for_is_shown_and_told(compared):
     table = loop_table(section)
     assert {line.cells[0].text for line in table.lines} == {"film_lag"}
     assert table.caption in made.words(folder)
-    assert (folder / "tables" / "speeds--tiny.md").exists()
+    assert (folder / "tables/speeds--tiny.md").exists()
 
 
 def test_speeds_are_those_of_the_recordings(compared):

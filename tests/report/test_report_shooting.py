@@ -53,7 +53,7 @@ def computed(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def numbers(computed):
-    return pd.read_csv(computed / "tables" / "shooting--pendulum--stribeck.csv")
+    return pd.read_csv(computed / "tables/shooting--pendulum--stribeck.csv")
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +140,7 @@ def test_the_count_of_covered_truths_is_that_of_the_numbers(computed, numbers):
 
 
 def test_all_that_was_fitted_is_counted(computed, numbers):
-    table = pd.read_csv(computed / "tables" / "summary--pendulum.csv")
+    table = pd.read_csv(computed / "tables/summary--pendulum.csv")
     long = pd.read_csv(computed / "scores.csv")
     assert table["n_parameters"].item() == len(numbers)
     assert long[long["score"] == "n_parameters"]["value"].item() == len(numbers)
@@ -151,7 +151,7 @@ def test_what_is_not_identified_has_no_digits(computed, numbers):
     assert len(loose)
     for name in ("shooting--pendulum--stribeck", "parameters--pendulum"):
         for kind, mark in (("md", "|"), ("tex", "&")):
-            text = (computed / "tables" / f"{name}.{kind}").read_text().replace("\\_", "_")
+            text = (computed / f"tables/{name}.{kind}").read_text().replace("\\_", "_")
             assert "^2" not in text.replace("$^2$", "")
             for line in loose.itertuples():
                 (row,) = (x for x in text.splitlines() if f" {line.parameter} {mark}" in x)
@@ -177,7 +177,7 @@ def test_windows_are_told_by_recording_and_time(tmp_path):
     refined = made.shot()
     text = page(tmp_path, {**refined, "left_out": places[:2], "unexplained": places[2:]})
     assert "Windows left out: 2 of 50" in text and "Windows not explained: 12 of 50" in text
-    table = pd.read_csv(tmp_path / "tables" / "windows--made--law.csv")
+    table = pd.read_csv(tmp_path / "tables/windows--made--law.csv")
     assert len(table) == len(places)
     for place in places:
         own = table[(table["recording"] == place["recording"])]
@@ -235,8 +235,8 @@ def test_many_parameters_have_a_picture_and_a_short_table(tmp_path):
     many.sort(key=lambda entry: entry["joint"])
     text = page(tmp_path, made.shot(many))
     assert text.count("30 numbers") == 2
-    assert len(pd.read_csv(tmp_path / "tables" / "shooting--made--law.csv")) == 60
-    assert (tmp_path / "figures" / "correlation--made--law.svg").exists()
+    assert len(pd.read_csv(tmp_path / "tables/shooting--made--law.csv")) == 60
+    assert (tmp_path / "figures/correlation--made--law.svg").exists()
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -271,7 +271,7 @@ def test_odd_names_and_missing_numbers_are_drawn_and_written(tmp_path):
     refined = made.shot([odd, made.parameter("bias", "torque bias", 0.0, 0.1, joint=1)])
     refined["correlation"] = [[float("nan")] * 2, [float("nan"), 1.0]]
     assert "at its bound" in made.words(made.undrawn(folder_of(tmp_path, refined)))
-    assert (tmp_path / "figures" / "correlation--made--law.svg").stat().st_size > 1000
+    assert (tmp_path / "figures/correlation--made--law.svg").stat().st_size > 1000
 
 
 def test_recordings_with_masses_of_their_own_have_nominal_values_of_their_own():

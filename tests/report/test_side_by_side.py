@@ -56,7 +56,7 @@ def test_scores_are_judged_by_the_rule_of_the_verdict(tmp_path, error, standing)
 
 def test_a_task_that_was_changed_is_told_in_one_line(tmp_path, run):
     written(tmp_path / "a")
-    file = written(tmp_path / "b") / "tasks" / "task01.json"
+    file = written(tmp_path / "b") / "tasks/task01.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | {"curves": [[[0.1, 0.1], [0.1]]]}))
     for arguments in (("a", "b"), ("b", "a"), ("b",)):
         words = "b/tasks/task01.json: was changed since it was written"
@@ -67,7 +67,7 @@ def test_what_was_changed_is_named_and_nothing_else(tmp_path):
     a = written(tmp_path / "a")
     settings = {"every": 0.5, "folds": {"count": 4, "kind": "recordings"}}
     b = written(tmp_path / "b", settings=settings, versions={"frictionid": "1"})
-    path = b / "tasks" / "task01.json"
+    path = b / "tasks/task01.json"
     task = json.loads(path.read_text())
     task["model"]["joints"][1]["coulomb"]["value"] = 0.2
     write_sealed(path, task)
@@ -75,7 +75,7 @@ def test_what_was_changed_is_named_and_nothing_else(tmp_path):
     assert found.settings == (Change("every", 0.25, 0.5),)
     assert found.versions == (Change("frictionid", "0", "1"),)
     assert found.parameters == (Change("made, law: coulomb of joint 2 [N m]", 0.1, 0.2),)
-    (b / "tasks" / "task00.json").unlink()
+    (b / "tasks/task00.json").unlink()
     assert compared(a, b).missing == (Change("made", "none", None),)
 
 

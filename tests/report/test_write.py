@@ -30,7 +30,7 @@ def test_a_build_leaves_no_file_of_an_earlier_one(folder):
 
 def test_what_is_not_of_the_report_is_never_touched(folder, monkeypatch):
     before = made.contents(folder)
-    (folder / "figures" / "mine.png").write_text("mine")
+    (folder / "figures/mine.png").write_text("mine")
     (folder / "notes.md").write_text("mine")
     made.blank(folder)
     mine = {"figures/mine.png": b"mine", "notes.md": b"mine"}

@@ -189,7 +189,7 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     log = logged(cut(torque, 0.0, 15.0))
     write_log(tmp_path / "log.csv", log, command=log.value[:, 0] / 0.97)
     words = "align day.csv log.csv --out data --hold previous"
-    out, document = aligned(call(words), tmp_path / "data" / "day.align.toml")
+    out, document = aligned(call(words), tmp_path / "data/day.align.toml")
     for said in ("offset   0.1", "drift", "viscous  of joint 1: 1 ms", "measured = 0.9700"):
         assert said in out
     dataset = load_dataset(tmp_path / "data")
@@ -204,7 +204,7 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     assert low < document["clock"]["offset"] < high
     assert document["command"][0]["gain"] == pytest.approx(0.97, abs=1e-4)
     for kind in ("clock", "command"):
-        picture = (tmp_path / "data" / f"day.{kind}.png").read_bytes()
+        picture = (tmp_path / f"data/day.{kind}.png").read_bytes()
         assert picture.startswith(b"\x89PNG")
         assert len(picture) > 10_000
 
@@ -277,12 +277,12 @@ def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motio
         RIG.replace("[motor]", "[[motor]]") + "[[motor]]\nkt = 1.0\n"
     )
     (tmp_path / "taken").mkdir()
-    (tmp_path / "taken" / "dataset.toml").write_text('name = "precious"\n')
+    (tmp_path / "taken/dataset.toml").write_text('name = "precious"\n')
     for wrong, words in rows(BAD):
         extra = "" if "--out" in wrong else "--out data"
         assert_one_line(call(f"align {wrong} {extra}"), words)
     assert not (tmp_path / "data").exists()
-    assert (tmp_path / "taken" / "dataset.toml").read_text() == 'name = "precious"\n'
+    assert (tmp_path / "taken/dataset.toml").read_text() == 'name = "precious"\n'
 
 
 def test_angles_may_be_named_and_in_degrees(tmp_path):
@@ -310,7 +310,7 @@ def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_p
         RIG + '[protocol]\ncolumns = ["time", "command", "current", "led"]\n'
     )
     outcome = call("align a.csv log.csv --out data --marker led")
-    out, document = aligned(outcome, tmp_path / "data" / "a.align.toml")
+    out, document = aligned(outcome, tmp_path / "data/a.align.toml")
     assert "marker   4 edges: offset 0." in out
     assert "by the motion the torque acts" in out
     assert "does not change: nothing to compare" in out

@@ -20,6 +20,7 @@ from fixtures.simulated_films import (
     taken,
     tracked,
 )
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from frictionid.data.recordings import TrueMotion
@@ -117,7 +118,7 @@ def test_times_are_the_middles_of_exposures(easy, stamp, late):
 
 
 def test_calibration_finds_the_plane_that_keeps_links_as_long_as_they_are():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     q = rng.uniform(-np.pi, np.pi, (300, 2))
     view = replace(SMALL, tilt=(6.0, 3.0), distortion=0.03)
     markers = view.pixels(chain(q, np.array(LENGTHS)))
@@ -145,7 +146,7 @@ class Pictures(Source):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_proposal_finds_dots_pivot_and_links(seed):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     hue = rng.uniform(0, 360)
     look = Look(
         dots=((), (hue, 0.8, 0.7), ((hue + rng.uniform(70, 290)) % 360, 0.7, 0.8)),
@@ -231,7 +232,7 @@ def test_one_link_is_a_pendulum(round_and_round):
 @pytest.mark.parametrize("last", [1, 2, 40], ids="{} frames behind".format)
 def test_whole_turns_across_a_gap_are_those_of_the_motion(last):
     """Up to 45 rad/s, some 500 rad/s^2, three or four frames lost, a guide that is turns off."""
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     for _ in range(50):
         time = np.arange(44 + last) / 60.0
         speed = rng.uniform(-30, 30) + rng.uniform(-8, 8) * np.sin(rng.uniform(3, 60) * time)

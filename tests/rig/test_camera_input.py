@@ -108,7 +108,7 @@ def test_setup_proposes_a_rig_that_tracks(tmp_path, run):
 
 
 def test_an_overlay_has_every_frame(place, tmp_path, run):
-    out = tmp_path / "new" / "over.mp4"
+    out = tmp_path / "new/over.mp4"
     words = (tmp_path / "a.csv", "--overlay", out)
     assert run(place, "track uneven.mov --out", *words)[0] == 0
     assert open_source(str(out)).count == open_source(str(place / "uneven.mov")).count

@@ -122,7 +122,7 @@ def test_a_damaged_line_is_another_one(seed):
 
 
 def test_torques_of_data_sets_are_those_of_the_driven_joints():
-    dataset = load_dataset(ROOT / "data" / "acrobot_clean")
+    dataset = load_dataset(ROOT / "data/acrobot_clean")
     torque = torque_of(dataset, "05_sine")
     own = next(r for r in dataset.recordings if r.name == "05_sine")
     np.testing.assert_array_equal(torque.value[: len(own.torque.time), 0], own.torque.value[:, 1])
@@ -267,7 +267,7 @@ def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
 def place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("rig.toml", "simulated.toml"):
-        (tmp_path / name).write_bytes((ROOT / "docs" / "tutorial" / name).read_bytes())
+        (tmp_path / name).write_bytes((ROOT / "docs/tutorial" / name).read_bytes())
     time = np.arange(0.0, 0.5, 1 / 60)
     rows = [f"{t:.6f},0,{0.2 * np.sin(9 * t):.6f}" for t in time]
     (tmp_path / "run.csv").write_text("\n".join(["time,q1,u1", *rows]) + "\n")
@@ -319,7 +319,7 @@ def test_bad_input_to_the_commands_is_one_line(place, run):
 
 
 def test_the_settings_of_the_tutorial_are_those_of_one_rig():
-    folder = ROOT / "docs" / "tutorial"
+    folder = ROOT / "docs/tutorial"
     real, simulated = (
         tomllib.loads((folder / name).read_text()) for name in ("rig.toml", "simulated.toml")
     )

@@ -24,7 +24,7 @@ from frictionid.rig.logfile import Appender, Log, log_header, log_row, read_log
 from frictionid.rig.rig_settings import parsed, written
 from frictionid.rig.virtual_drive import Terminal
 
-PORTS = ROOT / "tests" / "fixtures" / "drive_ports.py"
+PORTS = ROOT / "tests/fixtures/drive_ports.py"
 
 
 def start(*arguments):

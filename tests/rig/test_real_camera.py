@@ -9,7 +9,7 @@ from frictionid.rig.camera.source import Frame
 
 
 def test_the_marker_of_a_real_frame_is_found(real_data):
-    screen = cv2.imread(str(real_data / "phy180_camera_pendulum" / "cv_track_real_frame.png"))
+    screen = cv2.imread(str(real_data / "phy180_camera_pendulum/cv_track_real_frame.png"))
     frame = np.ascontiguousarray(screen[66:737, 1:379])  # the first window of the screen shot
     # that software drew a green dot where it saw the marker, and a red one on the pivot
     green = (screen[66:737, 1:379] == (0, 255, 0)).all(axis=-1)

@@ -21,6 +21,7 @@ from fixtures.simulated_films import (
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -92,7 +93,7 @@ def test_a_sync_led_on_film_ties_the_clocks(place, run):
     status, _, err = run(place, "track film.mov --out a.csv")
     assert (status, err) == (0, "")
     words = "align a.csv log.csv --out data --hold previous --marker led"
-    out, document = aligned(run(place, words), place / "data" / "a.align.toml")
+    out, document = aligned(run(place, words), place / "data/a.align.toml")
     assert "marker   10 edges" in out
     led, clock = document["marker"], document["clock"]
     assert abs(led["offset"] - OFFSET) < 1.96 * led["error"] < 3e-3
@@ -103,13 +104,13 @@ def test_a_sync_led_on_film_ties_the_clocks(place, run):
 def test_where_nothing_moves_the_led_alone_ties_the_clocks(place, tmp_path, run):
     time = np.arange(360) / 60
     on = np.searchsorted(SWITCHES, time) % 2
-    still = np.random.default_rng(0).normal(0.0, 1e-3, len(time))
+    still = default_rng(0).normal(0.0, 1e-3, len(time))
     pd.DataFrame({"time": time, "q1": still, "led": on}).to_csv(tmp_path / "a.csv", index=False)
     (tmp_path / "rig.toml").write_text(RIG)
     log = place / "log.csv"
     assert_one_line(run(tmp_path, "align --out data a.csv", log))
     outcome = run(tmp_path, "align --out data --marker led a.csv", log)
-    out, document = aligned(outcome, tmp_path / "data" / "a.align.toml")
+    out, document = aligned(outcome, tmp_path / "data/a.align.toml")
     assert "aligned by the marker alone" in out and "viscous" not in out
     low, high = document["clock"]["offset_interval"]
     assert low < OFFSET < high and high - low < 0.02 and "viscous" not in document
@@ -168,7 +169,7 @@ def test_a_film_without_a_led_is_as_it_was():
     st.sampled_from([0.0, 0.01, 0.1]),
 )
 def test_a_noisy_brightness_gives_offset_and_drift(seed, offset, exposure, known, noise):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     switches = np.cumsum(rng.uniform(0.2, 2.0, 14))
     led, drift = SyncLed((1.0, 1.0), tuple(switches)), rng.uniform(-2e-4, 2e-4)
     camera = np.arange(0.0, switches[-1] + 1.0, 1 / 60)
@@ -188,7 +189,7 @@ def test_a_noisy_brightness_gives_offset_and_drift(seed, offset, exposure, known
 
 
 def test_frames_lit_in_part_are_more_exact_where_the_exposure_is_known():
-    led = SyncLed((1.0, 1.0), tuple(np.cumsum(np.random.default_rng(1).uniform(0.2, 2.0, 40))))
+    led = SyncLed((1.0, 1.0), tuple(np.cumsum(default_rng(1).uniform(0.2, 2.0, 40))))
     time = np.arange(0.0, 50.0, 1 / 60)
     bright = np.array([led.share(t - 0.004, t + 0.004) for t in time])
     known, unknown = (edges_of(time, bright, "a", exposure) for exposure in (0.008, 0.0))
@@ -275,7 +276,7 @@ def pulsed(*starts):
     """Angles and log of a joint at rest that answers pulses of torque, a clock each."""
     recording = logged_pendulum(Pulses(starts), 10.0, start=0.0)
     time, value = recording.torque.time, recording.torque.value
-    noise = 0.003 * np.random.default_rng(0).standard_normal(value.shape)
+    noise = 0.003 * default_rng(0).standard_normal(value.shape)
     return recording.angle, Signal((time - OFFSET) / (1 + DRIFT), value + noise, "previous")
 
 

@@ -193,7 +193,7 @@ def test_a_missing_target_is_named_by_its_row():
         read(PD, holes)
 
 
-PAGE = (ROOT / "docs" / "actuators.md").read_text()
+PAGE = (ROOT / "docs/actuators.md").read_text()
 TABLES = re.findall(r"^```toml\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 
 

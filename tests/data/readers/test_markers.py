@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.formats.markers import hold_pivot, link_angles, mirror
@@ -25,7 +26,7 @@ def swinging(rng, joints):
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
 def test_angles_come_back_from_their_markers(seed, joints):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     angles = swinging(rng, joints)
     found = link_angles(seen(angles, rng.uniform(20.0, 600.0, joints)))
     assert (np.abs(found[0]) <= np.pi).all()
@@ -35,7 +36,7 @@ def test_angles_come_back_from_their_markers(seed, joints):
 
 @given(st.integers(0, 2**32 - 1))
 def test_angles_depend_on_no_scale_place_or_shaking_camera_and_a_mirror_flips_them(seed):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     markers = seen(swinging(rng, 3), [600.0, 460.0, 50.0])
     shaken = markers + rng.normal(scale=3.0, size=(len(markers), 1, 2))
     found = link_angles(markers)
@@ -51,7 +52,7 @@ def test_down_is_zero_and_right_in_the_picture_is_positive():
 
 
 def test_a_held_pivot_moves_no_more_and_leaves_the_others_alone():
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     markers = seen(swinging(rng, 2), [600.0, 460.0])
     markers[:, 0] += rng.normal(scale=2.0, size=(len(markers), 2))
     held = hold_pivot(markers)

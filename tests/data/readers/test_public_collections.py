@@ -211,8 +211,8 @@ def test_the_users_cache_is_the_last_place_looked_at(toy, monkeypatch):
     (toy / "dataset.toml").write_text(DATASET)
     monkeypatch.delenv("FRICTIONID_DATA")
     monkeypatch.setattr(pooch, "os_cache", lambda name: toy / "cache" / name)
-    (toy / "cache" / "frictionid" / "toy" / "day").mkdir(parents=True)  # left by a failed download
+    (toy / "cache/frictionid/toy/day").mkdir(parents=True)  # left by a failed download
     with assert_refused("or get it with: frictionid data get toy"):
         load_dataset(toy)
-    write(toy / "cache" / "frictionid" / "toy", {"one.csv": TOY["one.csv"]})
+    write(toy / "cache/frictionid/toy", {"one.csv": TOY["one.csv"]})
     assert len(load_dataset(toy).recordings) == 1

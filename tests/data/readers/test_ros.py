@@ -150,7 +150,7 @@ def test_mistakes_are_reported_in_one_line(motion, tmp_path):
         (empty, {}, "is no whole ROS 2 bag"),
         (back, {}, "time must increase"),
         (few, {}, "has 1 joint states"),
-        (tmp_path / "good" / "metadata.yaml", {}, "is no .mcap or .db3 file"),
+        (tmp_path / "good/metadata.yaml", {}, "is no .mcap or .db3 file"),
     )
     for path, settings, said in cases:
         with assert_refused(re.escape(said)) as complaint:

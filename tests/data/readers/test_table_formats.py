@@ -237,12 +237,12 @@ def test_a_mistake_about_lerobot_is_one_clear_line(tmp_path, wrong, words):
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"features": 3}', b'{"features": {"a": 1}}'])
 def test_a_damaged_info_of_lerobot_is_one_clear_line(tmp_path, content):
     lerobot(tmp_path)
-    (tmp_path / "meta" / "info.json").write_bytes(content)
+    (tmp_path / "meta/info.json").write_bytes(content)
     arguments = (tmp_path, "lerobot", "data/*/*.parquet")
     assert_not_loaded(
         r"info\.json does not describe features; copy it again", *arguments, **LEROBOT
     )
-    (tmp_path / "meta" / "info.json").unlink()
+    (tmp_path / "meta/info.json").unlink()
     (tmp_path / "meta").rmdir()
     assert_not_loaded("no folder above has meta/info.json", *arguments, **LEROBOT)
 
@@ -252,7 +252,7 @@ def test_a_damaged_info_of_lerobot_is_one_clear_line(tmp_path, content):
 
 @pytest.mark.parametrize("kind", ["drive_recorder", "lerobot", "rtde"])
 def test_the_example_of_a_format_is_a_valid_dataset_toml(kind):
-    text = (ROOT / "data" / "README.md").read_text().partition(f"**`{kind}`**")[2]
+    text = (ROOT / "data/README.md").read_text().partition(f"**`{kind}`**")[2]
     example = tomllib.loads(text.partition("```toml\n")[2].partition("```")[0])
     own = {"name": "rig", "mechanism": PENDULUM, "recordings": {"patterns": ["*"]}}
     toml = check_dataset_toml({**own, **example}, "README")

@@ -151,7 +151,7 @@ def test_rows_without_times_have_a_rate(tmp_path, run):
     (tmp_path / "log").mkdir()
     time = np.arange(200) / 100.0
     frame = pd.DataFrame({"q": np.sin(5 * time), "u": 0.3 * np.cos(2 * time)})
-    frame.to_csv(tmp_path / "log" / "a.csv", index=False)
+    frame.to_csv(tmp_path / "log/a.csv", index=False)
     given = "init log --mechanism pendulum --set mass=1 --set length=0.3 --time".split()
     assert_one_line(run(tmp_path, *given, "0 Hz"), "has no column of numbers '0 Hz'")
     assert run(tmp_path, *given, "100 Hz")[0] == 0

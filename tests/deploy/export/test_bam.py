@@ -10,6 +10,7 @@ from drive_logs import ServoPendulum
 from fixtures.bam_formula import bam_friction
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -37,13 +38,13 @@ def published(model, rng):
 
 @pytest.mark.parametrize("model", list(MODELS))
 def test_each_model_is_that_of_bam(model, tmp_path):
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     path = tmp_path / "it.json"
     path.write_text(json.dumps(published(model, rng)))
     friction = fid.load_model(path).friction
     q, w, u = 2.0 * rng.standard_normal((3, 10_000, 1))
     own = friction.law.sharpened().torque(friction.theta, Inputs(q, w, u, 0 * u), ())[:, 0]
-    p, te = published(model, np.random.default_rng(3)), -MOMENT * np.sin(q)
+    p, te = published(model, default_rng(3)), -MOMENT * np.sin(q)
     wanted = [np.sign(b) * bam_friction(p, a, c, b) for a, b, c in np.stack([u, w, te], -1)[:, 0]]
     assert_allclose(own, wanted, rtol=1e-9, atol=1e-9)
 
@@ -74,7 +75,7 @@ def test_what_bam_holds_is_written_and_read_back_as_it_is(model):
     assert made.lost == () and made.held is None
     back = read_bam(document, "it")
     assert {k: back.parameters[k] for k in friction.parameters} == dict(friction.parameters)
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     x = Inputs(*(2.0 * rng.standard_normal((4, 10_000, 1))))
     own, read = (f.law.torque(f.theta, x, ()) for f in (friction, back))
     assert_allclose(read, own, rtol=1e-9, atol=1e-9)
@@ -144,7 +145,7 @@ DAMAGES = r"""
 
 @mistakes(DAMAGES)
 def test_damaged_files_are_refused_in_one_line(wrong, words):
-    document = published("m6", np.random.default_rng(0)) | json.loads(wrong)
+    document = published("m6", default_rng(0)) | json.loads(wrong)
     document = {name: value for name, value in document.items() if value != "gone"}
     with assert_refused(words) as caught:
         read_bam(document, "it.json")

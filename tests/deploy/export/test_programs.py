@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from frictionid.deploy.export.exported import exported
@@ -52,7 +53,7 @@ def friction_by(law, rng):
 
 def exported_by(law, seed, joints=()):
     """The export of a friction by a law, measured up to 2 and 3 rad/s."""
-    return exported(friction_by(law, np.random.default_rng(seed)), joints, (2.0, 3.0))
+    return exported(friction_by(law, default_rng(seed)), joints, (2.0, 3.0))
 
 
 def inputs_of(program, x, memory, dt=0.0):
@@ -64,7 +65,7 @@ def inputs_of(program, x, memory, dt=0.0):
 @pytest.mark.parametrize("name", LAWS)
 def test_a_program_computes_what_its_law_computes(name):
     """Along a random motion with its memory, within and beyond the measured speeds."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     own = exported(friction_by(LAWS[name], rng), speeds=(2.0, 3.0))
     law, theta, programs = own.friction.law, own.friction.theta, own.programs
     x = Inputs(*(3.0 * rng.standard_normal((40, 4, N))).swapaxes(0, 1)[:, 0])
@@ -84,7 +85,7 @@ def test_a_program_computes_what_its_law_computes(name):
 
 
 def test_programs_read_only_what_friction_depends_on():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     read = {name: exported(friction_by(LAWS[name], rng)).programs.inputs for name in LAWS}
     assert read["stribeck"] == read["mlp"] == read["lugre"] == ("w",)
     assert read["ripple"] == ("q", "w")
@@ -94,7 +95,7 @@ def test_programs_read_only_what_friction_depends_on():
 
 @pytest.mark.parametrize("name", [n for n, law in LAWS.items() if not law.has_memory])
 def test_beyond_the_measured_speeds_friction_goes_on_straight_and_never_falls(name):
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     friction = friction_by(LAWS[name], rng)
     law = LinearOutside(friction.law, (2.0, 3.0))
     top = np.array(law.speeds)

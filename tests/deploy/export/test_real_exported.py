@@ -49,7 +49,7 @@ def test_a_fitted_servo_is_the_same_after_a_file_of_bam(servo, tmp_path):
 
 
 def test_the_published_servo_in_mujoco_errs_as_ours(servo):
-    friction = fid.load_model(DATA / "bam_xl330" / "m6.json").friction
+    friction = fid.load_model(DATA / "bam_xl330/m6.json").friction
     done = row("M6", friction, *halves(servo), 4)
     assert done.callback_apart < 0.002
     assert done.alone > 1.5 * done.ours  # what a file without the callback loses

@@ -224,7 +224,7 @@ def test_a_layer_of_ours_can_be_written_into_again(tmp_path):
 
 
 def test_a_file_in_another_folder_names_the_stage(tmp_path):
-    path, out = robot(tmp_path), tmp_path / "made" / "arm.usda"
+    path, out = robot(tmp_path), tmp_path / "made/arm.usda"
     out.parent.mkdir()
     model = Friction(CoulombViscous(), LEVELS, position_units=("rad", "m"))
     settings = ExportSettings(into=path, joints=("hip", "rail"))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from frictionid.deploy.monitor.changes import Changes
 from frictionid.deploy.monitor.effects import Effect
@@ -16,7 +17,7 @@ from frictionid.deploy.monitor.explanation import (
 D = 6
 CAUSES = {"a": np.array([0, 1, 2]), "b": np.array([3]), "c": np.array([4, 5])}
 SIZE = np.full(D, 1e3)
-rng = np.random.default_rng(0)
+rng = default_rng(0)
 TURN = rng.normal(size=(D, D))
 NOISE = TURN @ TURN.T + 0.1 * np.eye(D)  # strongly correlated, as parts of friction are
 
@@ -39,14 +40,14 @@ def p_of(healthy, new):
 @pytest.mark.parametrize("count, noise", [(20, 1.0), (8, 1.0), (20, 4.0), (20, 0.25)])
 def test_alarms_are_no_more_often_than_the_rate(count, noise):
     """New recordings may tell more or less than the healthy ones."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     p = [p_of(recordings(rng, count), recordings(rng, 5, noise=noise)).p for _ in range(200)]
     assert np.mean(np.array(p) <= 0.05) <= 0.05 + 2.0 * np.sqrt(0.05 * 0.95 / 200)
 
 
 @pytest.mark.parametrize("cause", list(CAUSES))
 def test_the_cause_that_changed_is_named_alone(cause):
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     off = np.zeros(D)
     off[CAUSES[cause][0]] = 6.0
     said = [p_of(recordings(rng, 20), recordings(rng, 10, off=off)).groups for _ in range(20)]
@@ -54,7 +55,7 @@ def test_the_cause_that_changed_is_named_alone(cause):
 
 
 def test_one_recording_tells_a_change_along_what_is_likely():
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     shape = np.array([0.8, 0.5, 0.332, 0.0, 0.0, 0.0])
 
     def share(off, likely):
@@ -72,7 +73,7 @@ def test_causes_that_do_the_same_cannot_be_told_apart():
     """Estimates whose sum alone is known: a change of one is as well one of the other."""
     blind = np.eye(D)
     blind[3:5, 3:5] = [[50.0, -49.99], [-49.99, 50.0]]
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
 
     def drawn(count, off):
         changes = recordings(rng, count)
@@ -124,16 +125,16 @@ def test_a_cause_that_another_explains_with_friction_is_said(friction, doubt):
 @pytest.mark.parametrize("true", [0.0, 20.0])
 def test_errors_of_estimates_are_no_scatter(true):
     effects = [Effect("friction of a", "", "1", 1e3)] * 4 + [Effect("b", "", "1", 1e3)] * 2
-    healthy = recordings(np.random.default_rng(8), 100)
-    noise = np.random.default_rng(9).normal(size=(100, D)) @ np.linalg.cholesky(NOISE).T
-    noise[:, 0] += true * np.random.default_rng(10).normal(size=100)
+    healthy = recordings(default_rng(8), 100)
+    noise = default_rng(9).normal(size=(100, D)) @ np.linalg.cholesky(NOISE).T
+    noise[:, 0] += true * default_rng(10).normal(size=100)
     (found,) = true_scatter(healthy._replace(value=noise), effects, np.array([[1.0, 1, 1, 0]]))
     assert found == pytest.approx(true, rel=0.2)
 
 
 def test_what_follows_the_motion_is_no_change():
     """Slopes are learnt from the healthy recordings' variety."""
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     healthy = recordings(rng, 40, noise=0.1, slope=3.0)
     new = recordings(rng, 10, noise=0.1, motion=1.8, slope=3.0)
     assert p_of(healthy, new).p > 0.01

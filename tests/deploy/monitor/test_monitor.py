@@ -267,7 +267,7 @@ def test_the_commands_say_it_by_their_exit_status(healthy, worn, tmp_path, run):
     code, out, _ = run(tmp_path, "monitor worn --baseline b.json --out page")
     assert code == 1
     assert "Friction has changed: joint 2" in out
-    page = (tmp_path / "page" / "index.html").read_text()
+    page = (tmp_path / "page/index.html").read_text()
     assert "Friction has changed: joint 2" in page
     assert "http" not in page.replace("http://www.w3.org", "")
     code, out, _ = run(tmp_path, "monitor healthy --baseline b.json --json --only r1-0")

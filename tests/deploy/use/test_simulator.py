@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import torch
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.calibration import Calibration
@@ -43,7 +44,7 @@ COMBINED = {
 def friction_of(name):
     """A friction whose parameters differ between three machines."""
     law, theta = (LAWS | COMBINED)[name]
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     start = np.array(law.initial[:1]) if theta is None else np.array(theta)
     return Friction(law, start * rng.uniform(0.8, 1.2, (3, 2, len(law.names))))
 
@@ -55,7 +56,7 @@ def motion_of(rng):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_steps_are_those_of_a_rollout(name):
-    friction, (q, w, u) = friction_of(name), motion_of(np.random.default_rng(1))
+    friction, (q, w, u) = friction_of(name), motion_of(default_rng(1))
     motion = Simulator(MACHINE, friction, dt=DT).run(State(q, w), u)
     plant = Plant.from_parameters(MACHINE, MACHINE.nominal())
     expected = rollout(plant, friction, State(q, w), u, np.full(T, DT))
@@ -65,7 +66,7 @@ def test_steps_are_those_of_a_rollout(name):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_machine_in_a_batch_moves_as_alone(name):
-    friction, (q, w, u) = friction_of(name), motion_of(np.random.default_rng(2))
+    friction, (q, w, u) = friction_of(name), motion_of(default_rng(2))
     m4 = np.array([0.05, 0.08, 0.12])
     together = Simulator(MACHINE, friction, dt=DT, parameters={"m4": m4}).run(State(q, w), u)
     for i in range(3):
@@ -77,7 +78,7 @@ def test_a_machine_in_a_batch_moves_as_alone(name):
 
 @pytest.mark.parametrize("name", ["stribeck", *COMBINED])
 def test_tensors_move_as_arrays(name):
-    friction, (q, w, u) = friction_of(name), motion_of(np.random.default_rng(4))
+    friction, (q, w, u) = friction_of(name), motion_of(default_rng(4))
     arrays = Simulator(MACHINE, friction, dt=DT)
     tensors = Simulator(MACHINE, Friction(friction.law, torch.as_tensor(friction.theta)), dt=DT)
     found = tensors.run(tensors.reset(q, w), u)
@@ -86,7 +87,7 @@ def test_tensors_move_as_arrays(name):
 
 
 def test_a_machine_that_diverges_is_nan_and_the_others_go_on():
-    friction, (q, w, u) = friction_of("coulomb_viscous"), motion_of(np.random.default_rng(5))
+    friction, (q, w, u) = friction_of("coulomb_viscous"), motion_of(default_rng(5))
     usual = Simulator(MACHINE, friction, dt=DT)
     expected = usual.run(State(q, w), u)
     w[1] = 1e7
