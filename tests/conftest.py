@@ -54,6 +54,12 @@ def run(monkeypatch, capsys):
     return called
 
 
+@pytest.fixture(scope="module")
+def shared_path(tmp_path_factory):
+    """A folder that the tests of a file share."""
+    return tmp_path_factory.mktemp("shared")
+
+
 @pytest.fixture(scope="session")
 def clean():
     """Three recordings of the acrobot without faults."""

@@ -50,14 +50,13 @@ def data():
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(shared_path):
     """The same data as files."""
-    place = tmp_path_factory.mktemp("arm")
-    (place / "dataset.toml").write_text(TOML)
+    (shared_path / "dataset.toml").write_text(TOML)
     for name in frames():
         source = ROOT / f"docs/quickstart/{name}.csv"
-        (place / f"{name}.csv").write_bytes(source.read_bytes())
-    return place
+        (shared_path / f"{name}.csv").write_bytes(source.read_bytes())
+    return shared_path
 
 
 @pytest.fixture(scope="module")

@@ -43,24 +43,23 @@ FILES = {
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("bad")
-    write_dataset(folder / "tiny")
-    write_dataset(folder / "other", name="other")
-    write_dataset(folder / "away", changes='collection = "pendulums"')
-    write_suite(folder)
-    write_suite(folder, "horizons = [9.0]", "long.toml")
-    write_suite(folder, 'datasets = [{path = "tiny"}, {path = "other"}]', "two.toml")
-    write_suite(folder, 'datasets.0.path = "away"', "away.toml")
-    write_suite(folder, 'identifiers.0.kind = "nonn"', "unknown.toml")
+def place(shared_path):
+    write_dataset(shared_path / "tiny")
+    write_dataset(shared_path / "other", name="other")
+    write_dataset(shared_path / "away", changes='collection = "pendulums"')
+    write_suite(shared_path)
+    write_suite(shared_path, "horizons = [9.0]", "long.toml")
+    write_suite(shared_path, 'datasets = [{path = "tiny"}, {path = "other"}]', "two.toml")
+    write_suite(shared_path, 'datasets.0.path = "away"', "away.toml")
+    write_suite(shared_path, 'identifiers.0.kind = "nonn"', "unknown.toml")
     gap = 'folds = {count = 80, kind = "blocks"}; horizons = [0.3]'
-    write_suite(folder, gap, "blocks.toml")
+    write_suite(shared_path, gap, "blocks.toml")
     for name, text in FILES.items():
         if text is None:
-            (folder / name).mkdir()
+            (shared_path / name).mkdir()
         else:
-            (folder / name).write_text(text)
-    return folder
+            (shared_path / name).write_text(text)
+    return shared_path
 
 
 @pytest.fixture

@@ -32,11 +32,10 @@ COMMANDS = ("compare", "fit", "evaluate", "report", "simulate")
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
+def place(shared_path):
     """A folder with the data set `tiny` and two models of it."""
-    folder = tmp_path_factory.mktemp("cli")
-    write_dataset(folder / "tiny", changes=FEW)
-    return folder
+    write_dataset(shared_path / "tiny", changes=FEW)
+    return shared_path
 
 
 @pytest.fixture

@@ -16,10 +16,9 @@ ROOM = 3000  # [bytes] of a file, the most there is
 
 
 @pytest.fixture(scope="module")
-def places(tmp_path_factory):
+def places(shared_path):
     """Folders of whole inputs by their names."""
-    root = tmp_path_factory.mktemp("disk")
-    made = [*_simulation(root), *_acquisition(root), next(_results(root))]
+    made = [*_simulation(shared_path), *_acquisition(shared_path), next(_results(shared_path))]
     assert TUTORIAL.exists() and all(isinstance(target, Target) for target in made)
     return {target.folder.name: target.folder for target in made}
 

@@ -29,19 +29,18 @@ COMMANDS = {
 
 
 @pytest.fixture(scope="module")
-def inputs(tmp_path_factory):
+def inputs(shared_path):
     """Own tables, a mechanism file, a film, a model, and a suite with a search."""
-    folder = tmp_path_factory.mktemp("inputs")
-    small(folder)
-    (folder / "arm").mkdir()
+    small(shared_path)
+    (shared_path / "arm").mkdir()
     for i in range(2):
-        swing(i).to_csv(folder / f"arm/run{i}.csv", index=False)
+        swing(i).to_csv(shared_path / f"arm/run{i}.csv", index=False)
     text = (TUTORIAL / "simulated.toml").read_text().replace("samples = 720", "samples = 40")
-    (folder / "sim.toml").write_text(text)
+    (shared_path / "sim.toml").write_text(text)
     for name in ("camera.toml", "rig.toml"):
-        shutil.copy(TUTORIAL / name, folder)
+        shutil.copy(TUTORIAL / name, shared_path)
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+        patch.chdir(shared_path)
         for line in (
             "simulate sim.toml --out set",
             "render set --camera camera.toml --out films",
@@ -49,7 +48,7 @@ def inputs(tmp_path_factory):
         ):
             patch.setattr("sys.argv", ["frictionid", "-q", *line.split()])
             assert main() == 0
-    return folder
+    return shared_path
 
 
 MACHINE = "--mechanism pendulum --set mass=0.5 --set length=0.3 --kt 0.5"

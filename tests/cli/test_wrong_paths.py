@@ -37,20 +37,19 @@ print([name for name in json.loads(sys.argv_heavy) if name in sys.modules])
 
 
 @pytest.fixture(scope="module")
-def refused(tmp_path_factory):
+def refused(shared_path):
     """What the wrong calls complain about, one line each, and the heavy modules imported."""
-    folder = tmp_path_factory.mktemp("wrong")
-    (folder / "table.csv").write_text("time,q\n0,1\n")
-    (folder / "acrobot.toml").write_text("")
+    (shared_path / "table.csv").write_text("time,q\n0,1\n")
+    (shared_path / "acrobot.toml").write_text("")
     code = CALL.replace("sys.argv_heavy", repr(json.dumps(HEAVY)))
     found = subprocess.run(
         [sys.executable, "-c", code, json.dumps([line for line, _ in rows(WRONG)])],
         capture_output=True,
         text=True,
         check=True,
-        cwd=folder,
+        cwd=shared_path,
     )
-    assert {path.name for path in folder.iterdir()} == {"table.csv", "acrobot.toml"}
+    assert {path.name for path in shared_path.iterdir()} == {"table.csv", "acrobot.toml"}
     return found
 
 

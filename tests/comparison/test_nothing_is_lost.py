@@ -15,13 +15,12 @@ from frictionid.data.readers.dataset import load_dataset
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole(shared_path):
     """A folder with a suite, and its finished comparison."""
-    folder = tmp_path_factory.mktemp("whole")
-    write_dataset(folder / "tiny", changes=FEW)
-    file = write_suite(folder, QUICK + '; identifiers = [{kind = "none"}]', "lone.toml")
-    compare_into(file, folder / "out")
-    return folder
+    write_dataset(shared_path / "tiny", changes=FEW)
+    file = write_suite(shared_path, QUICK + '; identifiers = [{kind = "none"}]', "lone.toml")
+    compare_into(file, shared_path / "out")
+    return shared_path
 
 
 @pytest.fixture

@@ -131,10 +131,9 @@ def test_wrong_settings_end_in_one_line():
 
 
 @pytest.fixture(scope="module")
-def suite(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("sensitivity")
+def suite(shared_path):
     chosen = {**NONE, "parameters": ["mass"], "levels": [0.1], "delay": [-0.01, 0.01]}
-    return write_suite(folder, {"sensitivity": chosen, **changes(QUICK)})
+    return write_suite(shared_path, {"sensitivity": chosen, **changes(QUICK)})
 
 
 @pytest.fixture(scope="module")

@@ -29,20 +29,19 @@ from frictionid.friction.model_files import save_model
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
+def place(shared_path):
     """A folder with the data set `tiny`, a model file and a module with identifiers."""
-    folder = tmp_path_factory.mktemp("suites")
-    write_dataset(folder / "tiny", changes=FEW)
-    write_dataset(folder / "other", name="other")
+    write_dataset(shared_path / "tiny", changes=FEW)
+    write_dataset(shared_path / "other", name="other")
     model = Friction(CoulombViscous(), [[0.02, 0.001]], {"mass": 0.3})
-    save_model(model, folder / "model.json")
+    save_model(model, shared_path / "model.json")
     two = Friction(CoulombViscous(), [[0.02, 0.001], [0.0, 0.0]])
-    save_model(two, folder / "two.json")
+    save_model(two, shared_path / "two.json")
     strange = Friction(CoulombViscous(), [[0.02, 0.001]], {"m4": 0.3})
-    save_model(strange, folder / "strange.json")
-    (folder / "own_parts.py").write_text(OWN)
-    (folder / "own_broken.py").write_text("1 / 0\n")
-    return folder
+    save_model(strange, shared_path / "strange.json")
+    (shared_path / "own_parts.py").write_text(OWN)
+    (shared_path / "own_broken.py").write_text("1 / 0\n")
+    return shared_path
 
 
 OWN = """

@@ -67,16 +67,15 @@ identifiers = [{kind = "none"}, {kind = "slow_part:Slow", name = "a", patient = 
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
+def place(shared_path):
     """A folder with a suite of slow tasks, and what it gives when nothing interrupts it."""
-    folder = tmp_path_factory.mktemp("tasks")
-    (folder / "slow_part.py").write_text(SLOW)
-    write_dataset(folder / "tiny", changes=FEW)
-    write_suite(folder, SUITE + SLOW_ONES)
+    (shared_path / "slow_part.py").write_text(SLOW)
+    write_dataset(shared_path / "tiny", changes=FEW)
+    write_suite(shared_path, SUITE + SLOW_ONES)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "path", [*sys.path, str(folder)])
-        compare(folder / "suite.toml", folder / "whole")
-        yield folder
+        patch.setattr(sys, "path", [*sys.path, str(shared_path)])
+        compare(shared_path / "suite.toml", shared_path / "whole")
+        yield shared_path
 
 
 def compare(file, folder, resume=False, replace=False):

@@ -113,12 +113,11 @@ def test_units_clocks_and_a_fixed_place_are_read():
 
 
 @pytest.fixture(scope="module")
-def swinging(tmp_path_factory):
+def swinging(shared_path):
     """Data set of one swinging run, and its mechanism held."""
-    folder = tmp_path_factory.mktemp("legs")
-    moving = legs.mechanism(folder, floating=True)
+    moving = legs.mechanism(shared_path, floating=True)
     data = Dataset.from_frames(legs.run(1.0, 0), moving, **legs.COLUMNS, base=legs.BASE)
-    return data, legs.mechanism(folder, base="trunk")
+    return data, legs.mechanism(shared_path, base="trunk")
 
 
 def test_a_base_that_moves_needs_its_motion_and_a_held_one_none(swinging):

@@ -153,12 +153,11 @@ def test_uncertain_parameters_widen_the_band(quiet):
 
 
 @pytest.fixture(scope="module")
-def folder(quiet, contact, tmp_path_factory):
-    place = tmp_path_factory.mktemp("watch")
-    write_dataset(quiet, place / "quiet")
-    write_dataset(contact, place / "contact")
-    write_dataset(changed(contact, "angle", lambda q: q % (2 * np.pi)), place / "wrapped")
-    return place
+def folder(quiet, contact, shared_path):
+    write_dataset(quiet, shared_path / "quiet")
+    write_dataset(contact, shared_path / "contact")
+    write_dataset(changed(contact, "angle", lambda q: q % (2 * np.pi)), shared_path / "wrapped")
+    return shared_path
 
 
 def in_pieces(content, size):

@@ -151,12 +151,11 @@ def test_models_that_are_not_alike_are_refused_in_one_line(models, words):
 
 
 @pytest.fixture(scope="module")
-def servos(tmp_path_factory):
+def servos(shared_path):
     """Model files of five simulated machines, set-valued friction, seed 11."""
-    folder = tmp_path_factory.mktemp("servos")
     for i, data in enumerate(sets(Setup(), 5, seed=11)):
-        fid.fit(data, "coulomb_viscous", method="one_step").save(folder / f"rig{i}.json")
-    return folder
+        fid.fit(data, "coulomb_viscous", method="one_step").save(shared_path / f"rig{i}.json")
+    return shared_path
 
 
 def test_the_command_writes_a_model_whose_export_draws_further_specimens(servos, run):

@@ -25,12 +25,11 @@ Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory):
+def lab(shared_path):
     """Folder of tables in ms, degrees and amperes; the current of `turned` counts against them."""
-    folder = tmp_path_factory.mktemp("lab")
-    write_lab_tables(folder / "arm")
-    write_lab_tables(folder / "turned", sign=-1.0, separator=";", comma=True)
-    write_lab_tables(folder / "single", only=1)
+    write_lab_tables(shared_path / "arm")
+    write_lab_tables(shared_path / "turned", sign=-1.0, separator=";", comma=True)
+    write_lab_tables(shared_path / "single", only=1)
     for name, text in (
         ("words", "t_ms,pos_deg,u\n0,1,2\n10,lost,2\n"),
         ("nameless", "0,1,5\n10,1,2\n"),
@@ -39,10 +38,10 @@ def lab(tmp_path_factory):
             "t_ms,pos_deg,u\n" + "".join(f"{k - k % 3},{k % 7},{k % 2}\n" for k in range(99)),
         ),
     ):
-        (folder / name).mkdir()
+        (shared_path / name).mkdir()
         for ending in ("csv", "MCAP"):  # a name that no reader of bags knows
-            (folder / name / f"run1.{ending}").write_text(text)
-    return folder
+            (shared_path / name / f"run1.{ending}").write_text(text)
+    return shared_path
 
 
 @pytest.fixture

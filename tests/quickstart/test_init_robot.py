@@ -35,16 +35,15 @@ LEGGED = """
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory):
+def arm(shared_path):
     """Folder with a URDF as xacro writes it, a mesh, and the arm of it."""
-    folder = tmp_path_factory.mktemp("arm")
     text = wrist.URDF.replace("</joint>", LIMITS).replace(
         '<robot name="wrist">', '<robot name="wrist" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     )
-    (folder / "meshes").mkdir()
-    (folder / "meshes/link.stl").write_bytes(b"solid")
-    (folder / "wrist.urdf").write_text(text)
-    return urdf(folder / "wrist.urdf").with_values(
+    (shared_path / "meshes").mkdir()
+    (shared_path / "meshes/link.stl").write_bytes(b"solid")
+    (shared_path / "wrist.urdf").write_text(text)
+    return urdf(shared_path / "wrist.urdf").with_values(
         {"rotor_one": 0.4, "rotor_two": 0.3, "rotor_three": 0.05}
     )
 

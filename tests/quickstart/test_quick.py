@@ -48,18 +48,17 @@ def assert_shown(printed, text):
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
+def place(shared_path):
     """A folder with the tables of the page for newcomers in `arm`, described by its `init`."""
-    folder = tmp_path_factory.mktemp("newcomer")
-    (folder / "arm").mkdir()
+    (shared_path / "arm").mkdir()
     for table in (ROOT / "docs/quickstart").glob("*.csv"):
-        shutil.copy(table, folder / "arm")
+        shutil.copy(table, shared_path / "arm")
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as out:
-        patch.chdir(folder)
+        patch.chdir(shared_path)
         patch.setattr("sys.argv", ["frictionid", *shown("init")[0]])
         assert main() == 0
     assert out.getvalue().strip() == shown("init")[1].strip()
-    return folder
+    return shared_path
 
 
 @pytest.fixture(scope="module")

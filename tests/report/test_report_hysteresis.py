@@ -164,18 +164,17 @@ def test_settings_are_those_of_the_joints():
 
 
 @pytest.fixture(scope="module")
-def compared(tmp_path_factory):
+def compared(shared_path):
     """A comparison of a law without and one with memory, reported."""
-    folder = tmp_path_factory.mktemp("loops")
     file = tiny.write_suite(
-        folder,
+        shared_path,
         """
         identifiers = [{kind = "none"}, {kind = "coulomb_viscous"}, {kind = "film_lag"}]
         recipes = [{name = "integral"}]; loops = {frequency = [2.0]}
         """,
     )
-    tiny.compare_into(file, folder / "out")
-    return file, made.blank(folder / "out")
+    tiny.compare_into(file, shared_path / "out")
+    return file, made.blank(shared_path / "out")
 
 
 def test_what_a_suite_asks_for_is_shown_and_told(compared):

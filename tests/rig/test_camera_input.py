@@ -39,13 +39,12 @@ lengths = [0.153, 0.175]
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("films")
-    write_film(FILM, MOTION, folder / "even")
-    write_film(replace(FILM, codec="mpeg4"), MOTION, folder / "squeezed")
-    write_film(replace(FILM, dropped=0.2, jitter=0.002), MOTION, folder / "uneven")
-    (folder / "rig.toml").write_text(RIG)
-    return folder
+def place(shared_path):
+    write_film(FILM, MOTION, shared_path / "even")
+    write_film(replace(FILM, codec="mpeg4"), MOTION, shared_path / "squeezed")
+    write_film(replace(FILM, dropped=0.2, jitter=0.002), MOTION, shared_path / "uneven")
+    (shared_path / "rig.toml").write_text(RIG)
+    return shared_path
 
 
 @pytest.mark.parametrize("name", ["even.mov", "squeezed.mp4", "uneven.mov"])

@@ -75,15 +75,16 @@ name = "led"
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
+def place(shared_path):
     """A film of six seconds with a sync LED, and the drive's log by a clock of its own."""
-    folder = tmp_path_factory.mktemp("sync_led")
     recording = logged_pendulum(Steps(1.1, 0.4), 6.0)
-    write_film(PENDULUM, recording.truth, folder / "film")
+    write_film(PENDULUM, recording.truth, shared_path / "film")
     on = np.searchsorted(SWITCHES, recording.torque.time) % 2
-    write_log(folder / "log.csv", recording.torque, time=recording.torque.time - OFFSET, led=on)
-    (folder / "rig.toml").write_text(RIG)
-    return folder
+    write_log(
+        shared_path / "log.csv", recording.torque, time=recording.torque.time - OFFSET, led=on
+    )
+    (shared_path / "rig.toml").write_text(RIG)
+    return shared_path
 
 
 # --- From the film to the clocks -----------------------------------------------------------------
