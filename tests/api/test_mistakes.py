@@ -2,16 +2,16 @@
 
 from dataclasses import replace
 
-import pytest
 from fixtures.arm_frames import SAID, arm, frames
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 
 import frictionid as fid
 from frictionid.data.calibration import Calibration
 
 
-@pytest.fixture(scope="module")
+@shared
 def names():
     """What the lines of the table may name."""
     law = fid.Friction(fid.CoulombViscous(), [[0.1, 0.01]])

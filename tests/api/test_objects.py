@@ -12,6 +12,7 @@ from fixtures.paths import ROOT
 from fixtures.refusals import assert_refused
 from fixtures.result_folders import leave_blank
 from fixtures.seven_joints import urdf_text
+from fixtures.shared import shared
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -44,12 +45,12 @@ patterns = ["*.csv"]
 """
 
 
-@pytest.fixture(scope="module")
+@shared
 def data():
     return arm()
 
 
-@pytest.fixture(scope="module")
+@shared
 def folder(shared_path):
     """The same data as files."""
     (shared_path / "dataset.toml").write_text(TOML)
@@ -59,28 +60,28 @@ def folder(shared_path):
     return shared_path
 
 
-@pytest.fixture(scope="module")
+@shared
 def shot(data):
     return fid.fit(data, "coulomb_viscous", method="shooting", free=["inertia"])
 
 
-@pytest.fixture(scope="module")
+@shared
 def stribeck(data):
     """What a law is fitted by where nothing else is said."""
     return fid.fit(data, "stribeck")
 
 
-@pytest.fixture(scope="module")
+@shared
 def one_step(data):
     return fid.fit(data, "stribeck", method="one_step")
 
 
-@pytest.fixture(scope="module")
+@shared
 def plain(data):
     return fid.fit(data, "coulomb_viscous")
 
 
-@pytest.fixture(scope="module")
+@shared
 def bench(data):
     return fid.compare(data, ["none", "stribeck", fid.SINDy()], folds=3, horizons=[0.5, 1.0])
 

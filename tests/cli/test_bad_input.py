@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from fixtures.mistakes import mistakes
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import write_dataset, write_suite
 from hypothesis import given
 from hypothesis import strategies as st
@@ -42,7 +43,7 @@ FILES = {
 }
 
 
-@pytest.fixture(scope="module")
+@shared
 def place(shared_path):
     write_dataset(shared_path / "tiny")
     write_dataset(shared_path / "other", name="other")

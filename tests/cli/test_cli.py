@@ -14,6 +14,7 @@ import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import FEW, RATE, TRUTH, compare_into, write_dataset, write_suite
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -31,7 +32,7 @@ from frictionid.friction.model_files import load_model
 COMMANDS = ("compare", "fit", "evaluate", "report", "simulate")
 
 
-@pytest.fixture(scope="module")
+@shared
 def place(shared_path):
     """A folder with the data set `tiny` and two models of it."""
     write_dataset(shared_path / "tiny", changes=FEW)

@@ -7,6 +7,7 @@ import pytest
 from fixtures.damage_targets import TUTORIAL, Target, _acquisition, _results, _simulation
 from fixtures.forked import contents, run_forked, say_into
 from fixtures.result_folders import leave_blank
+from fixtures.shared import shared
 from fixtures.small_disk import NO_MOUNT, enlarge, on_small_disk
 from fixtures.tiny_pendulums import compare_into
 
@@ -15,7 +16,7 @@ from frictionid.__main__ import main
 ROOM = 3000  # [bytes] of a file, the most there is
 
 
-@pytest.fixture(scope="module")
+@shared
 def places(shared_path):
     """Folders of whole inputs by their names."""
     made = [*_simulation(shared_path), *_acquisition(shared_path), next(_results(shared_path))]

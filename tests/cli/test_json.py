@@ -7,6 +7,7 @@ import pytest
 from fixtures.damage_own_data import TUTORIAL, swing
 from fixtures.damage_targets import small
 from fixtures.result_folders import leave_blank
+from fixtures.shared import shared
 
 from frictionid.__main__ import main
 
@@ -28,7 +29,7 @@ COMMANDS = {
 }
 
 
-@pytest.fixture(scope="module")
+@shared
 def inputs(shared_path):
     """Own tables, a mechanism file, a film, a model, and a suite with a search."""
     small(shared_path)

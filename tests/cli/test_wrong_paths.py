@@ -9,6 +9,7 @@ import sys
 
 import pytest
 from fixtures.mistakes import rows
+from fixtures.shared import shared
 
 HEAVY = ("pandas", "scipy", "sympy", "torch", "sklearn", "joblib", "cv2", "matplotlib")
 WRONG = """
@@ -36,7 +37,7 @@ print([name for name in json.loads(sys.argv_heavy) if name in sys.modules])
 """
 
 
-@pytest.fixture(scope="module")
+@shared
 def refused(shared_path):
     """What the wrong calls complain about, one line each, and the heavy modules imported."""
     (shared_path / "table.csv").write_text("time,q\n0,1\n")

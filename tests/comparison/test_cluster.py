@@ -9,6 +9,7 @@ from distributed import Client
 from fixtures.cluster import Cluster
 from fixtures.mistakes import changes
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import FEW, QUICK, compare_into, stamps, write_dataset, write_suite
 
 from frictionid.comparison import cluster as clusters
@@ -40,7 +41,7 @@ class Killer(Identifier):
 KIND = "own_part:Killer"
 
 
-@pytest.fixture(scope="module")
+@shared
 def cluster(tmp_path_factory):
     """A scheduler, at first without workers."""
     made = Cluster(tmp_path_factory.mktemp("cluster"))
@@ -58,7 +59,7 @@ def working(cluster):
     return cluster
 
 
-@pytest.fixture(scope="module")
+@shared
 def place(tmp_path_factory):
     """A folder with a suite of own identifiers, one of which kills, and what it gives serially."""
     folder = tmp_path_factory.mktemp("suite")

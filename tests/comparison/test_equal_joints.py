@@ -8,6 +8,7 @@ import pytest
 from fixtures.exact_problems import everything, half_widths
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from fixtures.true_curves import plain_friction
 from numpy.testing import assert_allclose
 
@@ -152,7 +153,7 @@ def rig(levels):
     return Rig("two", table, friction, camera, runs, seed=7, substeps=4)
 
 
-@pytest.fixture(scope="module")
+@shared
 def equal_data():
     return simulate(rig((0.08, 0.08)))
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.cart_poles import TRUE, cart_pole, cart_pole_data
+from fixtures.shared import shared
 from numpy.testing import assert_allclose
 
 from frictionid.check import check
@@ -25,7 +26,7 @@ FRICTION = Friction(CoulombViscous(), TRUE, position_units=("m", "rad"))
 PROTOCOL = Protocol(horizons=(0.25,), whole=True)
 
 
-@pytest.fixture(scope="module")
+@shared
 def scores():
     return score_model(FRICTION, prepare(cart_pole_data(), PROTOCOL)).scores
 

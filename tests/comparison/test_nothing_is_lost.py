@@ -7,6 +7,7 @@ import shutil
 import pytest
 from fixtures.forked import contents
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import FEW, QUICK, compare_into, timeless, write_dataset, write_suite
 
 from frictionid.check import check
@@ -14,7 +15,7 @@ from frictionid.comparison.results import load_results
 from frictionid.data.readers.dataset import load_dataset
 
 
-@pytest.fixture(scope="module")
+@shared
 def whole(shared_path):
     """A folder with a suite, and its finished comparison."""
     write_dataset(shared_path / "tiny", changes=FEW)

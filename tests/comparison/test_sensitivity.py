@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures.mistakes import changes
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import PENDULUM, QUICK, dataset, write_suite
 from fixtures.true_curves import plain_friction
 
@@ -130,13 +131,13 @@ def test_wrong_settings_end_in_one_line():
         study(dataset(), parameters=[], rate=[30])
 
 
-@pytest.fixture(scope="module")
+@shared
 def suite(shared_path):
     chosen = {**NONE, "parameters": ["mass"], "levels": [0.1], "delay": [-0.01, 0.01]}
     return write_suite(shared_path, {"sensitivity": chosen, **changes(QUICK)})
 
 
-@pytest.fixture(scope="module")
+@shared
 def studied(suite):
     """Frame and page of the suite's study."""
     return sensitivity_of_suite(suite, out=suite.parent / "report/small-sensitivity", jobs=1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from coverage_cases import case_of, parts_of, rig_of
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -15,7 +16,7 @@ SETS, RECORDINGS, RATE = 2, 8, 250.0
 CASE = case_of("stribeck", "acrobot")
 
 
-@pytest.fixture(scope="module")
+@shared
 def sets():
     """Simulated acrobots of a truth that sticks, 2 s at 250 Hz, finely integrated."""
     rig = rig_of(CASE, range(1, 1 + SETS), RECORDINGS, late=False)
@@ -23,7 +24,7 @@ def sets():
     return parts_of(simulate(replace(rig, camera=camera, substeps=3)), RECORDINGS)
 
 
-@pytest.fixture(scope="module")
+@shared
 def fits(sets):
     """One-step fits of all sets with intervals of the noise alone, and with the bias too."""
     return [

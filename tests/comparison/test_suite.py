@@ -1,9 +1,9 @@
 """Suites: what they make, and every mistake in one line that names file, key and way out."""
 
-import pytest
 import tomli_w
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import (
     FEW,
     SUITE,
@@ -28,7 +28,7 @@ from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.model_files import save_model
 
 
-@pytest.fixture(scope="module")
+@shared
 def place(shared_path):
     """A folder with the data set `tiny`, a model file and a module with identifiers."""
     write_dataset(shared_path / "tiny", changes=FEW)

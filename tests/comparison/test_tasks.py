@@ -14,6 +14,7 @@ import pytest
 from fixtures.forked import contents
 from fixtures.mistakes import changes
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import (
     FEW,
     compare_into,
@@ -66,7 +67,7 @@ identifiers = [{kind = "none"}, {kind = "slow_part:Slow", name = "a", patient = 
 """
 
 
-@pytest.fixture(scope="module")
+@shared
 def place(shared_path):
     """A folder with a suite of slow tasks, and what it gives when nothing interrupts it."""
     (shared_path / "slow_part.py").write_text(SLOW)

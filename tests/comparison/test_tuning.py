@@ -10,6 +10,7 @@ import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import QUICK, dataset, disturbed, tasks_in, write_suite
 from numpy.testing import assert_array_equal
 
@@ -46,7 +47,7 @@ class Scaled(Identifier):
 FACTOR = {"factor": {"low": 0.0, "high": 2.0}}
 
 
-@pytest.fixture(scope="module")
+@shared
 def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tuning")
     (folder / "own_scaled.py").write_text(OWN)
@@ -227,7 +228,7 @@ def test_tuning_cannot_be_nested_in_shuffled_folds(place, tmp_path):
 SEVEN = flat(7, samplers=["tpe"])
 
 
-@pytest.fixture(scope="module")
+@shared
 def whole(place, tmp_path_factory):
     """A search that nothing interrupts."""
     return tune([tuning_task(place)], SEVEN, tmp_path_factory.mktemp("whole"))

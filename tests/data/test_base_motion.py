@@ -5,6 +5,7 @@ import pytest
 from fixtures import floating_legs as legs
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from scipy.spatial.transform import Rotation
 
 from frictionid.data.base_motion import base_motion
@@ -112,7 +113,7 @@ def test_units_clocks_and_a_fixed_place_are_read():
     assert fixed.base.columns == {"orientation": FOUR}
 
 
-@pytest.fixture(scope="module")
+@shared
 def swinging(shared_path):
     """Data set of one swinging run, and its mechanism held."""
     moving = legs.mechanism(shared_path, floating=True)

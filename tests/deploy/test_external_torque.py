@@ -13,6 +13,7 @@ import pytest
 from fixtures.changed_data import changed, each, subset
 from fixtures.driven_pendulum import simulated
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.shared import shared
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -44,22 +45,22 @@ def pushed(recording):
     return replace(recording, torque=recording.torque._replace(value=value))
 
 
-@pytest.fixture(scope="module")
+@shared
 def quiet():
     return recorded()
 
 
-@pytest.fixture(scope="module")
+@shared
 def fit(quiet):
     return fid.fit(quiet, "coulomb_viscous")
 
 
-@pytest.fixture(scope="module")
+@shared
 def watch(fit, quiet):
     return watch_of(fit.friction, quiet, 0.1, 1.0)
 
 
-@pytest.fixture(scope="module")
+@shared
 def contact(quiet):
     return each(subset(quiet, 1, 2), pushed)
 
@@ -129,7 +130,7 @@ def test_a_gap_in_the_log_is_no_contact(fit, quiet):
     assert 7.0 < said.frame.time[unknown].min() < said.frame.time[unknown].max() < 7.6
 
 
-@pytest.fixture(scope="module")
+@shared
 def jumped(quiet):
     """A log in which the encoder is set anew by 400 turns at 6 s."""
     later = np.arange(2401)[:, None] > 1200
@@ -152,7 +153,7 @@ def test_uncertain_parameters_widen_the_band(quiet):
     assert (wide.band_of.spread > 2.0 * narrow.band_of.spread).all()
 
 
-@pytest.fixture(scope="module")
+@shared
 def folder(quiet, contact, shared_path):
     write_dataset(quiet, shared_path / "quiet")
     write_dataset(contact, shared_path / "contact")

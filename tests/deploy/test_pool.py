@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures.one_joint_sets import Setup, sets
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -150,7 +151,7 @@ def test_models_that_are_not_alike_are_refused_in_one_line(models, words):
         fid.pool(models)
 
 
-@pytest.fixture(scope="module")
+@shared
 def servos(shared_path):
     """Model files of five simulated machines, set-valued friction, seed 11."""
     for i, data in enumerate(sets(Setup(), 5, seed=11)):

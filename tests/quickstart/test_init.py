@@ -13,6 +13,7 @@ from fixtures.lab_tables import GEAR, INIT, KT, MACHINE, MOTOR, recordings, writ
 from fixtures.mistakes import mistakes
 from fixtures.reader_files import mat_bytes
 from fixtures.refusals import assert_one_line
+from fixtures.shared import shared
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.suite import load_suite, tasks_of
@@ -24,7 +25,7 @@ TIME = np.arange(200) / 100.0
 Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)
 
 
-@pytest.fixture(scope="module")
+@shared
 def lab(shared_path):
     """Folder of tables in ms, degrees and amperes; the current of `turned` counts against them."""
     write_lab_tables(shared_path / "arm")

@@ -9,6 +9,7 @@ import pytest
 from fixtures import bags
 from fixtures import driven_wrist as wrist
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.suite import load_suite, tasks_of
@@ -34,7 +35,7 @@ LEGGED = """
 """
 
 
-@pytest.fixture(scope="module")
+@shared
 def arm(shared_path):
     """Folder with a URDF as xacro writes it, a mesh, and the arm of it."""
     text = wrist.URDF.replace("</joint>", LIMITS).replace(
@@ -48,7 +49,7 @@ def arm(shared_path):
     )
 
 
-@pytest.fixture(scope="module")
+@shared
 def exact(arm):
     """Angles and torques of the joints: those of motors with unit gears, without their zero."""
     frame = wrist.frame(arm, 8.0)

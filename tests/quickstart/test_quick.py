@@ -15,6 +15,7 @@ from fixtures.lab_tables import MACHINE, recordings, write_lab_tables
 from fixtures.paths import ROOT
 from fixtures.printed import assert_alike
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import dataset as tiny
 from fixtures.tiny_pendulums import recordings as recordings_of_tiny
 
@@ -47,7 +48,7 @@ def assert_shown(printed, text):
     assert_alike(printed, "\n".join(lines))  # which windows are left out depends on the machine
 
 
-@pytest.fixture(scope="module")
+@shared
 def place(shared_path):
     """A folder with the tables of the page for newcomers in `arm`, described by its `init`."""
     (shared_path / "arm").mkdir()
@@ -61,14 +62,14 @@ def place(shared_path):
     return shared_path
 
 
-@pytest.fixture(scope="module")
+@shared
 def found(place):
     """The verdict on these tables, and the steps that were reported."""
     steps = []
     return quick(load_dataset(place / "arm"), steps.append), steps
 
 
-@pytest.fixture(scope="module")
+@shared
 def result(found):
     return found[0]
 

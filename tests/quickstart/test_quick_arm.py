@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
 from fixtures.changed_data import changed
+from fixtures.shared import shared
 
 import frictionid as fid
 from frictionid.quickstart.quick import BY_ANGLES, BY_TORQUES, plan_for, quick
@@ -14,7 +15,7 @@ from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
 from frictionid.report.figures.style import png
 
 
-@pytest.fixture(scope="module")
+@shared
 def data(tmp_path_factory):
     """Ten seconds of an arm with Coulomb and viscous friction in four parts, 1 % of noise."""
     arm = wrist.mechanism(tmp_path_factory.mktemp("arm"))
@@ -25,7 +26,7 @@ FRICTION = BY_TORQUES.recipe.model_copy(update={"free": ["friction"]})
 PLAN = BY_TORQUES._replace(recipe=FRICTION, laws=BY_TORQUES.laws[:3], folds=3)
 
 
-@pytest.fixture(scope="module")
+@shared
 def result(data):
     """The verdict on three laws."""
     with pytest.MonkeyPatch.context() as patch:

@@ -8,6 +8,7 @@ from html import unescape
 import numpy as np
 import pytest
 from fixtures import result_folders as made
+from fixtures.shared import shared
 
 from frictionid.comparison.results import load_results
 from frictionid.report.charts import motion_chart, side_view
@@ -40,12 +41,12 @@ def comparison(folder):
     return made.write(folder, tasks, title=f"Title {HOSTILE}")
 
 
-@pytest.fixture(scope="module")
+@shared
 def folder(tmp_path_factory):
     return made.undrawn(comparison(tmp_path_factory.mktemp("page")))
 
 
-@pytest.fixture(scope="module")
+@shared
 def page(folder):
     return (folder / "index.html").read_text()
 
@@ -153,7 +154,7 @@ def test_coupled_parts_have_friction_but_no_angle_to_draw():
 # --- In a browser ---------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
+@shared
 def browser():
     sync_api = pytest.importorskip(
         "playwright.sync_api", reason="the test extra installs playwright"

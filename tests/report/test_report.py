@@ -13,6 +13,7 @@ import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from markdown_it import MarkdownIt
 
 from frictionid.comparison.cross_validate import Benchmark
@@ -31,7 +32,7 @@ from frictionid.report.verdict import verdict_of
 ODD = ("_hidden", "a|b", "$x_1$", "100 % & #{1}~^\\", "*bold* `code` [x](y)", "日本", "x" * 90)
 
 
-@pytest.fixture(scope="module")
+@shared
 def bare(tmp_path_factory):
     """A report with pictures, without rollouts or examples; settings of Matplotlib stay."""
     task = made.task("a", horizons=(), motions=False)
@@ -41,7 +42,7 @@ def bare(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
+@shared
 def computed(tmp_path_factory):
     """A report of results that the library has computed, of one joint."""
     folder = tmp_path_factory.mktemp("computed")
@@ -228,7 +229,7 @@ def test_a_comparison_without_a_fit_is_reported_too(role, tmp_path):
 # --- Names -------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
+@shared
 def odd(tmp_path_factory):
     """A report in which everything has an odd name."""
     folder = tmp_path_factory.mktemp("odd")

@@ -5,6 +5,7 @@ import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from numpy.testing import assert_allclose
 
 from frictionid.comparison.suite import PROTOCOL, load_suite
@@ -163,7 +164,7 @@ def test_settings_are_those_of_the_joints():
 # --- Comparisons and pages ------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
+@shared
 def compared(shared_path):
     """A comparison of a law without and one with memory, reported."""
     file = tiny.write_suite(

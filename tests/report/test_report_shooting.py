@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from fixtures import result_folders as made
 from fixtures.driven_pendulum import LEVEL, driven_pendulum
+from fixtures.shared import shared
 
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.tasks import Task
@@ -39,7 +40,7 @@ def late_and_heavy():
     return driven_pendulum(120, 4, HEAVIER, delay=DELAY)
 
 
-@pytest.fixture(scope="module")
+@shared
 def computed(tmp_path_factory):
     """A report of a fit that the library has made, of a law with parameters that the data lack."""
     folder, dataset = tmp_path_factory.mktemp("computed"), late_and_heavy()
@@ -51,12 +52,12 @@ def computed(tmp_path_factory):
     return made.undrawn(made.computed(folder, tasks, 2))
 
 
-@pytest.fixture(scope="module")
+@shared
 def numbers(computed):
     return pd.read_csv(computed / "tables/shooting--pendulum--stribeck.csv")
 
 
-@pytest.fixture(scope="module")
+@shared
 def document(computed):
     (path,) = (computed / "tasks").glob("*.json")
     return json.loads(path.read_text())["refined"]

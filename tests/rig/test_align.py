@@ -8,6 +8,7 @@ import pytest
 from fixtures.driven_pendulum import TABLE, aligned, logged_pendulum, write_log
 from fixtures.mistakes import rows
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.shared import shared
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -27,7 +28,7 @@ RATE = 200.0
 OFFSET, DRIFT = 0.137, 50e-6
 
 
-@pytest.fixture(scope="module")
+@shared
 def motion():
     """Angles at 60 Hz and the drive's torque, 30 s on one clock."""
     recording = logged_pendulum(Steps(1.1, 0.4), 30.0)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.shared import shared
 from fixtures.simulated_films import (
     BLUE,
     LENGTHS,
@@ -35,7 +36,7 @@ from frictionid.rig.camera.track import follow_by_thresholds, track
 EASY = Film(LENGTHS, view=SMALL)
 
 
-@pytest.fixture(scope="module")
+@shared
 def easy():
     movement = motion(120, speed=1.6, seed=1)
     return movement, taken(EASY, movement)

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from fixtures.mistakes import mistakes, rows
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.shared import shared
 from fixtures.simulated_films import LENGTHS, SMALL, Film, errors, marker_setup_of, motion
 from fixtures.tiny_pendulums import changed, write_toml
 from numpy.testing import assert_allclose
@@ -38,7 +39,7 @@ lengths = [0.153, 0.175]
 """
 
 
-@pytest.fixture(scope="module")
+@shared
 def place(shared_path):
     write_film(FILM, MOTION, shared_path / "even")
     write_film(replace(FILM, codec="mpeg4"), MOTION, shared_path / "squeezed")

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from fixtures.driven_pendulum import TABLE, aligned, logged_pendulum, write_log
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.shared import shared
 from fixtures.simulated_films import (
     BLUE,
     LENGTHS,
@@ -74,7 +75,7 @@ name = "led"
 """
 
 
-@pytest.fixture(scope="module")
+@shared
 def place(shared_path):
     """A film of six seconds with a sync LED, and the drive's log by a clock of its own."""
     recording = logged_pendulum(Steps(1.1, 0.4), 6.0)

@@ -4,6 +4,7 @@ import hashlib
 
 import numpy as np
 import pytest
+from fixtures.shared import shared
 from numpy.testing import assert_allclose
 from scipy.signal import savgol_filter
 
@@ -34,7 +35,7 @@ SETS = {
 FAST = {"bam_xl330_whole": 15.0, "emps": 0.2, "phy180": 4.0}
 
 
-@pytest.fixture(scope="module")
+@shared
 def dataset(request, real_data):
     """Data sets of data/ by name, read once."""
     found = {}

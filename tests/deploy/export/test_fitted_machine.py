@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.shared import shared
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -24,12 +25,12 @@ from frictionid.mechanics.rigid_body.rigid_body_tree import moments_of, pseudo_i
 from frictionid.progress import listening
 
 
-@pytest.fixture(scope="module")
+@shared
 def arm(tmp_path_factory):
     return wrist.mechanism(tmp_path_factory.mktemp("arm"))
 
 
-@pytest.fixture(scope="module")
+@shared
 def described(tmp_path_factory):
     """The arm as a file describes it whose last body is lighter, without the coupled part."""
     path = tmp_path_factory.mktemp("described") / "arm.urdf"
@@ -37,13 +38,13 @@ def described(tmp_path_factory):
     return fid.mechanisms.urdf(path)
 
 
-@pytest.fixture(scope="module")
+@shared
 def data(described, tmp_path_factory):
     true = wrist.mechanism(tmp_path_factory.mktemp("true"), driven=True)
     return wrist.dataset(described, wrist.frame(true, seconds=4.0))
 
 
-@pytest.fixture(scope="module")
+@shared
 def fit(data):
     return fid.fit(data, "coulomb_viscous", method="inverse_dynamics")
 

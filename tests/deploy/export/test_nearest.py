@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
+from fixtures.shared import shared
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -30,7 +31,7 @@ def shortened(data, count):
     return replace(data, recordings=(replace(run, angle=angle, torque=torque, truth=None),))
 
 
-@pytest.fixture(scope="module")
+@shared
 def data():
     """Two seconds of one recording."""
     return replace(shortened(load_dataset("acrobot_clean"), 120), truth=None)

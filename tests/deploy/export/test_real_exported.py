@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from exported import halves, row
 from fixtures.paths import DATA
+from fixtures.shared import shared
 
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
@@ -25,7 +26,7 @@ def test_swing_ups_in_mujoco_err_as_ours(real_data):
     assert done.callback_apart < 0.002
 
 
-@pytest.fixture(scope="module")
+@shared
 def servo(real_data):
     return load_dataset(DATA / "bam_xl330", real_data / "bam_xl330")
 

@@ -12,6 +12,7 @@ import yaml
 from drive_logs import ServoPendulum
 from fixtures import tiny_pendulums
 from fixtures.paths import DATA
+from fixtures.shared import shared
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -28,7 +29,7 @@ FRICTION = fid.Friction(fid.CoulombViscous(), [[0.03, 0.02]])
 LUGRE = np.array([[0.2, 0.06, 0.5, 0.01, 0.002, 0.3, 0.1], [0.1, 0.05, 0.5, 0.01, 0.002, 0.3, 0.1]])
 
 
-@pytest.fixture(scope="module")
+@shared
 def servo():
     frames = {"soft": pd.DataFrame(RIG.log(4.0, 0.05, seed=1, seconds=4.0))}
     actuator = {"target": "target", "output": "torque", "P": 4.0, "D": 0.05, "limit": 0.4}

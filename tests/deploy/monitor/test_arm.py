@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.changed_data import changed
+from fixtures.shared import shared
 from fixtures.sines import sines, torque_without_friction
 
 import frictionid as fid
@@ -58,12 +59,12 @@ def recorded(folder, seed, count, payload=0.0, wear=0.0):
     return fid.Dataset.from_frames(out, arm(folder), time="t", angle=ANGLES, torque=TORQUES)
 
 
-@pytest.fixture(scope="module")
+@shared
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("arm")
 
 
-@pytest.fixture(scope="module")
+@shared
 def known(folder):
     return fid.baseline(recorded(folder, 1, 10))
 

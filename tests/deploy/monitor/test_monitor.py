@@ -14,6 +14,7 @@ from fixtures.changed_data import changed, each, on_later_clock, subset
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.servo_logs import by_controller
 from fixtures.seven_joints import MASS, urdf_text
+from fixtures.shared import shared
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -55,30 +56,30 @@ def rig(seed, count=COUNT, seconds=12.0, **variation):
     return Rig("rig", {"kind": "acrobot"}, true, camera, runs, **settings)
 
 
-@pytest.fixture(scope="module")
+@shared
 def first():
     """Healthy recordings, and from the twentieth on 20 % more of the levels of joint 1."""
     return simulate(rig(1, COUNT + 10, wear=(0.2, 0.0), worn_from=COUNT + 5, sudden=True))
 
 
-@pytest.fixture(scope="module")
+@shared
 def healthy(first):
     return subset(first, 0, COUNT)
 
 
-@pytest.fixture(scope="module")
+@shared
 def fresh(first):
     """Five other healthy recordings."""
     return subset(first, COUNT, COUNT + 5)
 
 
-@pytest.fixture(scope="module")
+@shared
 def worn(first):
     """Five recordings with 20 % more of the levels of each joint."""
     return subset(first, COUNT + 5, None), simulate(rig(2, 5, wear=(0.0, 0.2), sudden=True))
 
 
-@pytest.fixture(scope="module")
+@shared
 def known(healthy):
     return fid.baseline(healthy)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures.changed_data import each, subset
 from fixtures.driven_pendulum import simulated
+from fixtures.shared import shared
 from fixtures.true_curves import plain_friction
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -41,18 +42,18 @@ def dataset(*recordings):
     return fid.Dataset("p", fid.mechanisms.pendulum(mass=LIGHT, length=0.3), recordings)
 
 
-@pytest.fixture(scope="module")
+@shared
 def heavy():
     """Eight healthy recordings with the heavy payload, five more, and five after a change."""
     return recorded(HEAVY, 18, 5)
 
 
-@pytest.fixture(scope="module")
+@shared
 def light():
     return recorded(LIGHT, 8, 0)
 
 
-@pytest.fixture(scope="module")
+@shared
 def known(light, heavy):
     return fid.baseline(dataset(*light, *heavy[:8]))
 
@@ -70,7 +71,7 @@ def saying(recordings, said):
     return each(dataset(*recordings), lambda r: replace(r, parameters=said))
 
 
-@pytest.fixture(scope="module")
+@shared
 def plain(light):
     return fid.baseline(saying(light, {}), law="coulomb_viscous")
 
