@@ -17,24 +17,26 @@ def _trials(storage):
 
 @pytest.mark.parametrize("left", [1, 7, 0.5, -1])
 def test_a_line_that_was_cut_off_is_dropped(tmp_path, left):
+    journal = tmp_path / JOURNAL
     assert _trials(open_journal(tmp_path)) == 1
-    before = (tmp_path / JOURNAL).read_bytes()
+    before = journal.read_bytes()
     assert _trials(open_journal(tmp_path, resume=True)) == 2
-    whole = (tmp_path / JOURNAL).read_bytes()
+    whole = journal.read_bytes()
     last = whole.splitlines(keepends=True)[-1]
     kept = int(len(last) * left) if isinstance(left, float) else left % len(last)
-    (tmp_path / JOURNAL).write_bytes(whole[: len(whole) - len(last) + kept])
+    journal.write_bytes(whole[: len(whole) - len(last) + kept])
     for _ in range(2):
         assert _trials(open_journal(tmp_path, resume=True)) >= 2
-    assert (tmp_path / JOURNAL).read_bytes().startswith(before)
+    assert journal.read_bytes().startswith(before)
 
 
 @pytest.mark.parametrize("place", [0, -1])
 def test_other_damage_is_one_line(tmp_path, place):
+    journal = tmp_path / JOURNAL
     _trials(open_journal(tmp_path))
-    lines = (tmp_path / JOURNAL).read_bytes().splitlines(keepends=True)
+    lines = journal.read_bytes().splitlines(keepends=True)
     lines[place] = lines[place][:9] + lines[place]
-    (tmp_path / JOURNAL).write_bytes(b"".join(lines))
+    journal.write_bytes(b"".join(lines))
     with assert_refused("is no journal: tune anew with --replace"):
         open_journal(tmp_path, resume=True)
-    assert (tmp_path / JOURNAL).read_bytes() == b"".join(lines)
+    assert journal.read_bytes() == b"".join(lines)

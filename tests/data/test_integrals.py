@@ -13,7 +13,7 @@ HOLDS = ("linear", "previous")
 def signal(seed, hold, samples=40):
     rng = np.random.default_rng(seed)
     time = 5.0 + np.cumsum(rng.uniform(0.01, 0.05, samples))
-    return Signal(time, rng.normal(size=(samples, 2)), hold)
+    return Signal(time, rng.standard_normal((samples, 2)), hold)
 
 
 @pytest.mark.parametrize("hold", HOLDS)

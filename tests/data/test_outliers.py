@@ -142,24 +142,24 @@ def test_outliers_of_one_joint_leave_the_other_joint_alone():
 def bouncing(time, rng):
     """A ball-like joint between two end stops: the velocity jumps within a sample."""
     phase = (2.3 * time) % 2.0
-    return np.minimum(phase, 2.0 - phase) + 1e-3 * rng.normal(size=len(time))
+    return np.minimum(phase, 2.0 - phase) + 1e-3 * rng.standard_normal(len(time))
 
 
 def stick_slip(time, rng):
     """Rest for half a second, then a slip of 0.1 rad within two samples."""
-    return 0.1 * np.floor(2 * time + 0.3) + 3e-4 * rng.normal(size=len(time))
+    return 0.1 * np.floor(2 * time + 0.3) + 3e-4 * rng.standard_normal(len(time))
 
 
 def quantised(time, rng):
     step = 2 * np.pi / 4096
-    return step * np.round((0.5 * np.sin(2 * time) + 1e-4 * rng.normal(size=len(time))) / step)
+    return step * np.round((0.5 * np.sin(2 * time) + 1e-4 * rng.standard_normal(len(time))) / step)
 
 
 def resting(time, rng):
     """A 12-bit encoder at rest that flickers, after a fast motion."""
     step = 2 * np.pi / 4096
     moving = np.where(time < 1.5, np.cos(9 * time), np.cos(13.5))
-    return step * np.round((moving + 2e-4 * rng.normal(size=len(time))) / step)
+    return step * np.round((moving + 2e-4 * rng.standard_normal(len(time))) / step)
 
 
 def switched(time, rng):
@@ -167,7 +167,7 @@ def switched(time, rng):
     a = 60.0 * rng.choice([-1.0, 1.0], len(time) // 7 + 1).repeat(7)[: len(time)]
     w = np.cumsum(a) / RATE
     w -= w.mean()
-    return np.cumsum(w) / RATE + 1e-3 * rng.normal(size=len(time))
+    return np.cumsum(w) / RATE + 1e-3 * rng.standard_normal(len(time))
 
 
 def chattering(time, rng):
@@ -176,7 +176,7 @@ def chattering(time, rng):
     a = np.repeat(np.where(np.arange(len(time)) % 2, 11.0, -11.0), held)[: len(time)]
     w = np.cumsum(a * (np.abs(time - 3.0) < 1.2)) / RATE
     w -= np.convolve(w, np.ones(21) / 21, mode="same")
-    return 0.3 * time + np.cumsum(w) / RATE + 1.5e-4 * rng.normal(size=len(time))
+    return 0.3 * time + np.cumsum(w) / RATE + 1.5e-4 * rng.standard_normal(len(time))
 
 
 @pytest.mark.parametrize("motion", [bouncing, stick_slip, quantised, resting, switched, chattering])

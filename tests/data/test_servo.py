@@ -31,7 +31,7 @@ def servo(goal=None, enabled=None, **changes):
 
 def test_power_is_conserved_what_goes_in_is_heat_and_work():
     rng = np.random.default_rng(0)
-    volts, w = rng.normal(size=(2, 100))
+    volts, w = rng.standard_normal((2, 100))
     kt, R = 0.4, 3.0
     current = motor_torque(volts, w, kt, R) / kt
     assert_allclose(volts * current, R * current**2 + kt * current * w)

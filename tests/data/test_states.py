@@ -93,7 +93,9 @@ def test_the_causal_estimator_sees_nothing_of_what_comes_later():
     time = even()
     angle = one(time, wave(time, rng))
     for stop in (3, 10, 31):
-        noisy = angle.value + 0.3 * (time >= time[stop])[:, None] * rng.normal(size=(len(time), 1))
+        noisy = angle.value + 0.3 * (time >= time[stop])[:, None] * rng.standard_normal(
+            (len(time), 1)
+        )
         before, other = (KalmanFilter()([angle._replace(value=v)])[0] for v in (angle.value, noisy))
         assert_array_equal(before.w[:stop], other.w[:stop])
         assert_array_equal(before.q[:stop], other.q[:stop])
@@ -192,7 +194,7 @@ EXACT = [
 
 @pytest.mark.parametrize("estimator, degree", EXACT)
 def test_motions_that_the_model_contains_are_exact(estimator, degree, time):
-    motion = np.polynomial.Polynomial(default_rng(10).normal(size=degree + 1))
+    motion = np.polynomial.Polynomial(default_rng(10).standard_normal(degree + 1))
     states = estimator([one(time, motion(time))])[0]
     # the causal filter needs three samples for three unknowns
     settled = slice(3 if isinstance(estimator, KalmanFilter) else 0, None)

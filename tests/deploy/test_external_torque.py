@@ -93,7 +93,7 @@ def test_noise_of_angles_is_told_from_errors_of_the_model_though_someone_touches
     M = np.zeros((count, 2, 2))
     M[:, 0, 0], M[:, 1, 1] = rng.uniform(0.2, 3.0, count), rng.uniform(0.05, 0.5, count)
     M[:, 0, 1] = M[:, 1, 0] = rng.uniform(-0.3, 0.3, count)
-    torque = rng.normal(size=(count, 2)) * np.sqrt(noise**2 + M**2 @ shake**2)
+    torque = rng.standard_normal((count, 2)) * np.sqrt(noise**2 + M**2 @ shake**2)
     torque[::100] += 30.0
     nothing = np.zeros((count, 2))
     settled = np.ones(count, dtype=bool)
@@ -263,7 +263,7 @@ def test_a_stretch_that_is_mostly_disturbed_says_nothing(watch, quiet):
     """Few rows that are left would be fitted by as many numbers as they are."""
     live = watch.friction
     sound = part(samples_of(quiet.recordings[0]), 0, 1001)
-    pushes = np.repeat(np.random.default_rng(0).normal(size=21), 50)[:1001] * (sound.time > 0.7)
+    pushes = np.repeat(np.random.default_rng(0).standard_normal(21), 50)[:1001] * (sound.time > 0.7)
     said = live.added(live.start(), sound)
     assert live.added(said, sound).stretches == 2
     assert live.added(said, sound._replace(torque=sound.torque - pushes[:, None])) is said

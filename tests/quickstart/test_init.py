@@ -57,6 +57,11 @@ def written(folder):
     return tomllib.loads((folder / "dataset.toml").read_text())
 
 
+def tables_of_numbers(folder):
+    """Files of a folder, each with the columns of its table that hold numbers."""
+    return [(file, pd.read_csv(file).drop(columns="state")) for file in folder.iterdir()]
+
+
 def same_motion(folder):
     """Whether the data set in a folder is what was simulated, in SI units."""
     data = load_dataset(folder)
@@ -85,9 +90,9 @@ def test_milliseconds_degrees_and_amperes_are_recognised(call, tmp_path):
 
 
 def test_columns_of_structures_in_mat_files_are_recognised(call, tmp_path):
-    for file in (tmp_path / "arm").iterdir():
-        table = pd.read_csv(file).drop(columns="state").to_dict("list")
-        file.with_suffix(".mat").write_bytes(mat_bytes({"log": table, "gains": [[1.0, 2.0]]}))
+    for file, table in tables_of_numbers(tmp_path / "arm"):
+        variables = {"log": table.to_dict("list"), "gains": [[1.0, 2.0]]}
+        file.with_suffix(".mat").write_bytes(mat_bytes(variables))
         file.unlink()
     assert call(ARM)[0] == 0
     columns = written(tmp_path / "arm")["columns"]
@@ -97,8 +102,8 @@ def test_columns_of_structures_in_mat_files_are_recognised(call, tmp_path):
 
 @pytest.mark.parametrize("separator", [",", ";", "  "])
 def test_tables_without_a_header_have_counted_columns(call, tmp_path, separator):
-    for file in (tmp_path / "arm").iterdir():
-        lines = pd.read_csv(file).drop(columns="state").astype(str).to_numpy().tolist()
+    for file, table in tables_of_numbers(tmp_path / "arm"):
+        lines = table.astype(str).to_numpy().tolist()
         file.write_text("".join(f"{separator.join(line)}{separator.strip()}\n" for line in lines))
     assert call(f"init arm {INIT} {MOTOR} --angle 2 --torque 4")[::2] == (0, "")
     document = written(tmp_path / "arm")
@@ -108,9 +113,8 @@ def test_tables_without_a_header_have_counted_columns(call, tmp_path, separator)
 
 
 def test_a_line_that_counts_the_columns_as_pandas_does_is_their_header(call, tmp_path):
-    for file in (tmp_path / "arm").iterdir():
-        values = pd.read_csv(file).drop(columns="state").to_numpy()
-        pd.DataFrame(values).to_csv(file, index=False)
+    for file, table in tables_of_numbers(tmp_path / "arm"):
+        pd.DataFrame(table.to_numpy()).to_csv(file, index=False)
     assert call(f"init arm {INIT} {MOTOR} --angle 1 --torque 3")[0] == 0
     document = written(tmp_path / "arm")
     assert document["columns"] == {"time": "0", "angle": "1", "torque": "3"}

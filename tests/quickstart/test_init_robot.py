@@ -93,6 +93,13 @@ def joints(exact):
     return named({"q_{}": exact[1], "tau_{}": exact[2]})
 
 
+@pytest.fixture
+def robot_folder(tmp_path):
+    """A folder with the file of the arm."""
+    (tmp_path / "wrist.urdf").write_text(wrist.URDF)
+    return tmp_path
+
+
 def same(folder, exact):
     (recording,) = load_dataset(folder).recordings
     assert_allclose(recording.angle.value, exact[1], atol=1e-6)
@@ -103,8 +110,8 @@ def test_columns_of_sensors_come_before_filtered_ones_and_commands(call, exact):
     _, q, u = exact
     others = {f"{name}{j}": u[:, 0] for name in ("pos_filt", "tau_con", "tau_fric") for j in "123"}
     names = [f"{name}_meas{j}" for name in ("pos", "tau") for j in "123"]
-    document, _ = call(others | dict(zip(names, np.concatenate([q, u], axis=1).T, strict=True)))
-    columns = document["columns"]
+    sensors = dict(zip(names, np.concatenate([q, u], axis=1).T, strict=True))
+    columns = call(others | sensors)[0]["columns"]
     assert [*columns["angle"], *columns["torque"]] == names
     same(call.folder, exact)
 
@@ -150,7 +157,7 @@ def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
 
 
 @pytest.mark.parametrize("plugin", ["MCAP", "SQLITE3"])
-def test_a_bag_of_joint_states_is_a_table(exact, tmp_path, run, plugin):
+def test_a_bag_of_joint_states_is_a_table(exact, robot_folder, run, plugin):
     time, q, u = exact
     order, names = [2, 0, 1], ["three", "one", "two"]  # as some driver sends them
     late = np.round(1e9 * time).astype(int).tolist()
@@ -158,12 +165,11 @@ def test_a_bag_of_joint_states_is_a_table(exact, tmp_path, run, plugin):
         (t, bags.message(bags.START + t, names, a[order], [], b[order]))
         for t, a, b in zip(late, q, u, strict=True)
     ]
-    file = bags.write(tmp_path / "bag", sent, plugin)
-    (tmp_path / "wrist.urdf").write_text(wrist.URDF)
-    code, out, _ = run(tmp_path, "init", f"bag/{file.name}", "--mechanism", "wrist.urdf")
+    file = bags.write(robot_folder / "bag", sent, plugin)
+    code, out, _ = run(robot_folder, f"init bag/{file.name} --mechanism wrist.urdf")
     assert code == 0 and 'kind = "ros"' in out
-    dataset = load_dataset(tmp_path / "bag")
-    assert dataset.mechanism.joints == ("one", "two", "three")
+    dataset = load_dataset(robot_folder / "bag")
+    assert dataset.mechanism.joints == JOINTS
     assert_allclose(dataset.recordings[0].angle.value, q, atol=1e-12)
     assert_allclose(dataset.recordings[0].torque.value, u, atol=1e-12)
 
@@ -182,18 +188,16 @@ def test_columns_may_count_from_zero_and_observers_measure_nothing(exact, tmp_pa
         assert chosen.torque == ("tau_0", "tau_1", "tau_2")
 
 
-def test_a_joint_that_hardly_moves_is_locked_where_it_stands(arm, tmp_path, run):
-    (tmp_path / "log").mkdir()
-    (tmp_path / "wrist.urdf").write_text(wrist.URDF)
+def test_a_joint_that_hardly_moves_is_locked_where_it_stands(arm, robot_folder, run):
+    (robot_folder / "log").mkdir()
     frames = wrist.frames_joint_by_joint(arm, 4.0, 8.0)
     for name in ("joint 1", "joint 2"):
         q, u = wrist.of_joints(frames[name])
         columns = {"t": frames[name]["t"], **named({"q_{}": q, "tau_{}": u})}
-        pd.DataFrame(columns).to_csv(tmp_path / f"log/{name}.csv", index=False)
-    code, out, _ = run(tmp_path, "init", "log", "--mechanism", "wrist.urdf")
+        pd.DataFrame(columns).to_csv(robot_folder / f"log/{name}.csv", index=False)
+    code, out, _ = run(robot_folder, "init log --mechanism wrist.urdf")
     assert code == 0 and "three: hardly any motion in these tables" in out
-    dataset = load_dataset(tmp_path / "log")
-    assert dataset.mechanism.joints == ("one", "two")
+    assert load_dataset(robot_folder / "log").mechanism.joints == ("one", "two")
 
 
 def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exact, run):
@@ -211,9 +215,9 @@ def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exac
     assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
     document, _ = call(currents, known=())  # a rotor that nobody gave is not taken for gear
     assert_allclose(document["motor"]["gear"], factors[:2], rtol=0.03)
-    noise = np.random.default_rng(0).normal(size=len(q))
+    noise = np.random.default_rng(0).standard_normal(len(q))
     table, rotors = {**currents, "current_three [A]": noise}, (("one", 0.4), ("two", 0.3))
-    document, out = call(table, "--kt", "0.5,0.25,0.125", known=rotors)
+    document, out = call(table, "--kt=0.5,0.25,0.125", known=rotors)
     assert document["motor"]["kt"] == [0.5, 0.25] and "missing: gear ratios (--gear" in out
     assert_allclose(document["motor"]["gear"], factors[:2] / [0.5, 0.25], rtol=0.1)
     assert {*document["mechanism"]["locked"]} == {"three"}
@@ -230,15 +234,14 @@ def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exac
 def test_gears_are_those_of_the_files_transmissions(call, exact, tmp_path):
     (tmp_path / "geared.urdf").write_text(wrist.geared((3, -2, 5)))
     currents = named({"q_{}": exact[1], "current_{}": exact[2] / [3.0, -2.0, 5.0]})
-    document, out = call(currents, "--kt", "1", robot="geared.urdf")
+    document, out = call(currents, "--kt=1", robot="geared.urdf")
     assert document["motor"]["gear"] == [3.0, -2.0, 5.0] and "missing" not in out
 
 
 def test_several_signs_are_corrected_one_after_the_other(call, exact):
     _, q, u = exact
-    turned = named({"q_{}": q, "current_{} [A]": u * [1.0, -1.0, -1.0]})
-    _, out = call(turned, "--kt", "1", "--gear", "1")
-    assert "corrected: " in out
+    turned = {"q_{}": q, "current_{} [A]": u * [1.0, -1.0, -1.0]}
+    assert "corrected: " in call(named(turned), "--kt=1", "--gear=1")[1]
     same(call.folder, exact)
 
 
@@ -247,8 +250,7 @@ def test_velocities_behind_a_filter_are_left_out(call, exact):
     late = np.gradient(q, time, axis=0)
     for k in range(1, len(late)):
         late[k] = late[k - 1] + 0.05 * (late[k] - late[k - 1])  # 0.1 s
-    columns = named({"q_{}": q, "vel_{}": late, "tau_{}": u})
-    document, out = call(columns)
+    document, out = call(named({"q_{}": q, "vel_{}": late, "tau_{}": u}))
     assert "velocity" not in document["columns"] and "velocities are left out" in out
 
 
@@ -267,7 +269,7 @@ def test_a_free_root_is_held_and_targets_stand_for_torques(call, exact, tmp_path
     _, q, _ = exact
     columns = named({"q_{}": q, "goal_{}": q}, LEGS)
     monkeypatch.chdir(tmp_path)
-    document, out = call(columns, "--gains", "20,1.5", robot="legged.xml")
+    document, out = call(columns, "--gains=20,1.5", robot="legged.xml")
     assert document["mechanism"]["base"] == "trunk" and "it is held" in out
     actuator = document["actuator"]
     assert actuator["target"] == ["goal_hip", "goal_knee"] and actuator["limit"] == [20.0, 40.0]
@@ -286,7 +288,7 @@ def test_gains_are_those_of_the_files_position_actuators(call, exact, tmp_path):
     )
     (tmp_path / "legged.xml").write_text(LEGGED.replace(actuators, servos))
     columns = named({"q_{}": q, "goal_{}": q}, LEGS)
-    for given, P, D in (((), [20.0, 30.0], 1.5), (("--gains", "7,1"), 7.0, 1.0)):
+    for given, P, D in (((), [20.0, 30.0], 1.5), (("--gains=7,1",), 7.0, 1.0)):
         document, out = call(columns, *given, robot="legged.xml")
         assert (document["actuator"]["P"], document["actuator"]["D"]) == (P, D)
         assert "missing: gains" not in out
@@ -359,13 +361,12 @@ def test_columns_are_matched_by_what_names_share():
 @pytest.mark.parametrize(
     "names", [("{}_rad", "{}_Nm"), ("{}", "tau_{}"), ("q_{}", "{} [Nm]"), ("{}.deg", "i_{}")]
 )
-def test_columns_may_be_called_as_the_joints(names, tmp_path):
-    (tmp_path / "wrist.urdf").write_text(wrist.URDF)
+def test_columns_may_be_called_as_the_joints(names, robot_folder):
     joints = ("three", "one", "two")
     columns = {"time": np.arange(3.0)}
     for k, name in enumerate(names):
         columns |= {name.format(joint): k + np.arange(3.0) for joint in joints}
-    matched = robot_columns(robot_file(tmp_path).robot, Table("a.csv", np.arange(3), columns))
+    matched = robot_columns(robot_file(robot_folder).robot, Table("a.csv", np.arange(3), columns))
     assert [j.name for j in matched.joints] == ["one", "two", "three"]
     for columns, name in zip((matched.angle, matched.torque), names, strict=True):
         assert columns == tuple(name.format(j) for j in ("one", "two", "three"))
@@ -390,10 +391,9 @@ def test_a_folder_of_several_robots_asks_for_one(tmp_path):
         robot_file(tmp_path / "c.txt")
 
 
-def test_columns_that_fit_no_joint_are_one_line(tmp_path):
-    (tmp_path / "wrist.urdf").write_text(wrist.URDF)
+def test_columns_that_fit_no_joint_are_one_line(robot_folder):
     table = Table("a.csv", np.arange(3), {"t": np.arange(3.0), "q9": np.arange(3.0)})
     with assert_refused(r"q9 look like angles.* joints one, two, three: name"):
-        robot_columns(robot_file(tmp_path).robot, table)
+        robot_columns(robot_file(robot_folder).robot, table)
     with assert_refused("--angle: a.csv has no column of numbers 'q8'"):
-        robot_columns(robot_file(tmp_path).robot, table, named={"angle": ["q8"]})
+        robot_columns(robot_file(robot_folder).robot, table, named={"angle": ["q8"]})

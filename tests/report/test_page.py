@@ -133,7 +133,7 @@ def test_parameters_at_a_bound_are_marked(page):
 
 def test_an_arm_is_seen_from_the_side_in_which_it_is_widest():
     rng = np.random.default_rng(0)
-    flat = np.cumsum(rng.normal(size=(5, 4, 2)), axis=1)  # in a vertical plane, turned about z
+    flat = np.cumsum(rng.standard_normal((5, 4, 2)), axis=1)  # in a vertical plane, turned about z
     turned = np.stack([0.6 * flat[..., 0], 0.8 * flat[..., 0], flat[..., 1]], axis=-1)
     (seen,) = side_view([turned])
     np.testing.assert_allclose(seen, flat, atol=1e-12)

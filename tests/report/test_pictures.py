@@ -32,6 +32,11 @@ def section(folder, *fits, **changes):
     return made.section(folder, tasks, {"made": made.about(1)})
 
 
+def drawn(figure, own):
+    """What a figure draws of a section."""
+    return figure(own, styles(own.models))
+
+
 def steps(picture):
     """Velocities of both ends of every line that is drawn in panels of reversing motion."""
     for axis in picture.axes[::2] if len(picture.axes) > 1 else picture.axes:
@@ -46,10 +51,10 @@ def test_no_line_joins_samples_across_a_reversal(tmp_path, law):
     theta = np.full((made.FOLDS + 1, 1, len(law.names)), 0.05)
     loops = hysteresis_loops(Friction(law, theta), PLANT, HysteresisSettings(), GRID, 1 / 60)
     own = section(tmp_path, ("one", "integral"), loops=[loop._asdict() for loop in loops])
-    ((picture,),) = loop_pictures(own, styles(own.models)).values()
-    drawn = [pair for pair in steps(picture)]
-    assert drawn
-    for before, after in drawn:
+    ((picture,),) = drawn(loop_pictures, own).values()
+    pairs = list(steps(picture))
+    assert pairs
+    for before, after in pairs:
         joined = np.isfinite(before) & np.isfinite(after)
         across = joined & (np.sign(before) != np.sign(after))
         assert np.abs(after - before)[across].max(initial=0.0) <= 0.01 * 10.0
@@ -59,7 +64,7 @@ def test_no_line_joins_samples_across_a_reversal(tmp_path, law):
 @pytest.mark.parametrize("recipes", [("integral",), ("study", "integral"), ("a", "b", "c", "d")])
 def test_each_recipe_has_a_marker_of_its_own(tmp_path, recipes):
     own = section(tmp_path, *(("stribeck", recipe) for recipe in recipes))
-    picture = loss_against(own, styles(own.models))
+    picture = drawn(loss_against, own)
     points = [line for line in picture.axes[0].get_lines() if len(line.get_xdata()) == 1]
     looks = {(p.get_marker(), to_hex(p.get_markerfacecolor())) for p in points}
     assert len(looks) == len(points) == len(recipes)
@@ -74,7 +79,7 @@ def test_no_panel_of_the_curves_is_empty(tmp_path):
     fits = [("a", "study"), ("a", "integral"), ("b", "integral"), ("c", "integral")]
     own = section(tmp_path, *fits, ("d", "shooting"), ("e", "shooting"))
     with drawing():
-        pictures = friction_curves(own, styles(own.models))
+        pictures = drawn(friction_curves, own)
     panels = [axis for picture in pictures for axis in picture.axes]
     assert len(panels) == 6
     assert all(axis.axison and len(axis.get_lines()) >= made.FOLDS for axis in panels)
@@ -97,7 +102,7 @@ def test_the_friction_beside_the_motion_is_what_was_put_in():
 
 def test_a_verdict_s_error_picture_has_a_dot_for_each_fold_of_each_model(tmp_path):
     own = section(tmp_path, ("one", "study"), ("one", "integral"), ("two", "integral"))
-    (axis,) = errors_of_models(own, styles(own.models)).axes
+    (axis,) = drawn(errors_of_models, own).axes
     dots = [line.get_xdata() for line in axis.get_lines() if line.get_marker() == "o"]
     assert [len(folds) for folds in dots] == 3 * [made.FOLDS]
     assert len(axis.get_yticks()) == 3
@@ -112,7 +117,7 @@ def test_no_band_is_clipped(tmp_path):
     level = 0.1 * np.sign(made.about(1)["velocity"])
     wide = level * np.array([-2.0, 4.0, 1.0, 1.0, 1.0])[:, None, None]
     own = section(tmp_path, ("one", "integral"), ("two", "integral"), curves=wide)
-    picture = friction_of_the_choice(own, styles(own.models))
+    picture = drawn(friction_of_the_choice, own)
     low, high = picture.axes[0].get_ylim()
     _, curve, half = curve_and_band(own.models[0], own.description, 0)
     assert np.nanmax(half) > np.abs(curve).max()
@@ -122,7 +127,7 @@ def test_no_band_is_clipped(tmp_path):
 def test_curves_of_an_arm_leave_room_for_the_errors_below(tmp_path):
     tasks = [made.task("one", 0.4, 0.1, curve=0.1, joints=7)]
     own = made.section(tmp_path, tasks, {"made": made.about(7)})
-    width, height = friction_of_the_choice(own, styles(own.models)).get_size_inches()
+    width, height = drawn(friction_of_the_choice, own).get_size_inches()
     assert height < 0.6 * width
 
 
@@ -131,7 +136,7 @@ def test_a_curve_under_no_load_says_so(tmp_path):
     document = dict(plain.models[0].document) | {"joints": [{"load_coefficient": {"value": 0.1}}]}
     loaded = section(tmp_path / "loaded", ("one", "integral"), model=document)
     for own, words in ((plain, "one"), (loaded, "one, unloaded")):
-        picture = friction_of_the_choice(own, styles(own.models))
+        picture = drawn(friction_of_the_choice, own)
         assert picture.legends[0].get_texts()[0].get_text() == words
 
 
@@ -140,8 +145,8 @@ def test_torque_is_drawn_as_measured_as_modelled_and_without_friction(tmp_path):
     rigid = np.sin(6.0 * time)[:, None]
     torque = {"recording": "run", "time": time, "measured": rigid + 0.3, "model": rigid + 0.2}
     own = section(tmp_path, ("one", "integral"), torque=torque | {"rigid": rigid})
-    (axis,) = torque_over_time(own, styles(own.models)).axes
-    drawn = [line.get_ydata() for line in axis.get_lines()]
-    assert_allclose(drawn, [rigid[:, 0] + up for up in (0.3, 0.2, 0.0)])
+    (axis,) = drawn(torque_over_time, own).axes
+    found = [line.get_ydata() for line in axis.get_lines()]
+    assert_allclose(found, [rigid[:, 0] + up for up in (0.3, 0.2, 0.0)])
     none = section(tmp_path / "none", ("one", "integral"))
     assert torque_over_time(none, styles(none.models)) is None

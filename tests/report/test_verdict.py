@@ -14,6 +14,7 @@ from frictionid.report.terminal import verdict as words_of
 from frictionid.report.verdict import verdict_of
 
 SHARED = [0.001, -0.001, 0.002, -0.002]
+LOUD = [0.02, -0.02, 0.01, -0.01]
 
 
 def verdict(folder, tasks, **changes):
@@ -46,8 +47,7 @@ def test_a_rich_model_is_recommended_where_simple_ones_are_practically_worse(tmp
 
 
 def test_data_that_cannot_tell_say_so_and_how_much_to_record(tmp_path):
-    noise = [0.02, -0.02, 0.01, -0.01]
-    found = verdict(tmp_path, [model("rich", 0.4, size=40), model("plain", 0.43, noise=noise)])
+    found = verdict(tmp_path, [model("rich", 0.4, size=40), model("plain", 0.43, noise=LOUD)])
     assert (found.kind, found.recommended, found.provisional) == ("undecided", None, "rich")
     assert "cannot tell whether plain is enough or rich is needed" in found.sentence
     assert "recordings in place of 5" in found.record_next
@@ -57,8 +57,7 @@ def test_a_refined_model_is_taken_where_the_simpler_one_was_not_refined_and_is_f
     tmp_path,
 ):
     """By one recipe the data cannot tell the two apart; only one of them was fitted by a better."""
-    noise = [0.02, -0.02, 0.01, -0.01]
-    rich, plain = model("rich", 0.4, size=40), model("plain", 0.43, noise=noise)
+    rich, plain = model("rich", 0.4, size=40), model("plain", 0.43, noise=LOUD)
     refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.01, joint=0)])
     shot = made.task("rich", 0.3, 0.1, noise=SHARED, fit="shooting", refined=refined)
     for task in (rich, plain):
@@ -83,8 +82,7 @@ def test_a_law_with_the_terms_of_a_sum_and_an_identified_parameter_is_taken(
     tmp_path, term, error, recommended
 ):
     """Where errors cannot tell: the interval may be that of the law's fit by another recipe."""
-    noise = [0.02, -0.02, 0.01, -0.01]
-    rich, plain = model("rich", 0.43, size=9, noise=noise), model("terms", 0.4)
+    rich, plain = model("rich", 0.43, size=9, noise=LOUD), model("terms", 0.4)
     refined = made.shot([made.parameter("friction", "loss", 0.1, error, joint=0)])
     shot = made.task("rich", 0.3, 0.43, fit="shooting", refined=refined)
     for joint in rich["model"]["joints"]:

@@ -21,7 +21,7 @@ def swinging(rng, joints):
     """Smooth joint angles (300, n) that go round several times."""
     time = np.linspace(0.0, 1.0, 300)[:, None]
     start = rng.uniform(-3.0, 3.0, joints)
-    return start + rng.normal(size=joints) * 6 * np.pi * time + 0.3 * np.sin(9 * time)
+    return start + rng.standard_normal(joints) * 6 * np.pi * time + 0.3 * np.sin(9 * time)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))

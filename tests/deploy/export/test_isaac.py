@@ -104,7 +104,7 @@ def test_a_delay_is_in_steps_of_the_physics():
     assert list(cfg.armature.values()) == [0.002]
 
 
-MOTORS = Envelope(np.array([0.8, 1.5]), np.array([4.0, 10.0]), np.array([12.0, 20.0]))
+MOTORS = Envelope(*np.array([[0.8, 1.5], [4.0, 10.0], [12.0, 20.0]]))
 
 
 @pytest.mark.usefixtures("isaaclab")

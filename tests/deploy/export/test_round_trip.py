@@ -26,20 +26,27 @@ from frictionid.deploy.export.round_trip import in_mujoco
 
 RIG = ServoPendulum(coulomb=0.03, viscous=0.02, delay=0.012)
 FRICTION = fid.Friction(fid.CoulombViscous(), [[0.03, 0.02]])
-LUGRE = np.array([[0.2, 0.06, 0.5, 0.01, 0.002, 0.3, 0.1], [0.1, 0.05, 0.5, 0.01, 0.002, 0.3, 0.1]])
+LUGRE = [[0.2, 0.06, 0.5, 0.01, 0.002, 0.3, 0.1], [0.1, 0.05, 0.5, 0.01, 0.002, 0.3, 0.1]]
+ACTUATOR = {"target": "target", "output": "torque", "P": 4.0, "D": 0.05, "limit": 0.4}
+MACHINE = fid.mechanisms.pendulum(mass=RIG.mass, length=RIG.length)
 
 
 @shared
 def servo():
     frames = {"soft": pd.DataFrame(RIG.log(4.0, 0.05, seed=1, seconds=4.0))}
-    actuator = {"target": "target", "output": "torque", "P": 4.0, "D": 0.05, "limit": 0.4}
-    machine = fid.mechanisms.pendulum(mass=RIG.mass, length=RIG.length)
-    columns = {"time": "t", "angle": "q", "actuator": actuator}
-    return fid.Dataset.from_frames(frames, machine, **columns)
+    return fid.Dataset.from_frames(frames, MACHINE, time="t", angle="q", actuator=ACTUATOR)
 
 
 def calibrated(n, **parts):
     return replace(Calibration.ideal(n), **{k: np.asarray(v) for k, v in parts.items()})
+
+
+def written_into(folder, text, model, data):
+    """An export into a file of this text, and the place of what was written."""
+    path, out = folder / "arm.xml", folder / "out.xml"
+    path.write_text(text)
+    settings = ExportSettings(into=path, joints=("hip",))
+    return fid.export(model, "mujoco", out, data=data, settings=settings), out
 
 
 def test_a_servo_with_late_targets_and_a_limit_runs_as_ours(servo, tmp_path):
@@ -65,11 +72,9 @@ def test_of_several_gains_and_payloads_it_is_said_whose_are_written(tmp_path):
         name: pd.DataFrame(rig.log(gain, 0.05, seed=1, seconds=4.0))
         for name, (rig, gain) in rigs.items()
     }
-    actuator = {"target": "target", "output": "torque", "P": 4.0, "D": 0.05, "limit": 0.4}
-    actuator["recordings"] = {"c": {"P": 8.0}}
-    machine = fid.mechanisms.pendulum(mass=RIG.mass, length=RIG.length)
+    actuator = {**ACTUATOR, "recordings": {"c": {"P": 8.0}}}
     columns = {"time": "t", "angle": "q", "parameters": {"a": {"mass": heavy.mass}}}
-    data = fid.Dataset.from_frames(frames, machine, actuator=actuator, **columns)
+    data = fid.Dataset.from_frames(frames, MACHINE, actuator=actuator, **columns)
     friction = replace(FRICTION, calibration=calibrated(1, target_delay=0.012))
     done = fid.export(friction, "mujoco", tmp_path / "servo.xml", data=data)
     assert done.round_trip.predictions > 5 and done.round_trip.mean_apart < 2e-4
@@ -93,15 +98,13 @@ def test_a_backlash_that_a_target_has_not_is_named_with_what_it_costs(servo, tmp
 
 
 def test_a_servo_is_written_into_a_file_in_place_of_its_motor(servo, tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text(
+    text = (
         '<mujoco><worldbody><body><joint name="hip" axis="0 1 0"/><geom size=".1"/></body>'
         '</worldbody><actuator><position name="hip" joint="hip" kp="9"></position></actuator>'
         "</mujoco>"
     )
-    settings = ExportSettings(into=path, joints=("hip",))
-    fid.export(FRICTION, "mujoco", tmp_path / "out.xml", data=servo, settings=settings)
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    _, out = written_into(tmp_path, text, FRICTION, servo)
+    model = mujoco.MjModel.from_xml_path(str(out))
     assert model.nu == 1
     assert_allclose(model.actuator_biasprm[0, :3], [0.0, -4.0, -0.05])
 
@@ -118,23 +121,16 @@ TORQUE = '<general class="arm" joint="hip" gainprm="2" biasprm="0.1 0 0" ctrllim
 @pytest.mark.parametrize("actuator", [SERVO, TORQUE, "", '<motor joint="hip"/>'])
 def test_logged_torques_move_a_file_of_a_maker_whatever_its_actuators(actuator, tmp_path):
     """Its meshes are elsewhere; a servo of its own does not take torques, and stays."""
-    path = tmp_path / "arm.xml"
-    path.write_text(OF_A_MAKER.format(actuator))
     friction = replace(FRICTION, calibration=calibrated(1, gain=[1.1], bias=[0.01]))
-    settings = ExportSettings(into=path, joints=("hip",))
-    done = fid.export(
-        friction, "mujoco", tmp_path / "out.xml", data=tiny_pendulums.dataset(), settings=settings
-    )
+    text = OF_A_MAKER.format(actuator)
+    done, out = written_into(tmp_path, text, friction, tiny_pendulums.dataset())
     assert done.round_trip.predictions > 5 and done.round_trip.mean_apart < 1e-3
-    assert (actuator == SERVO) == (SERVO in (tmp_path / "out.xml").read_text())
+    assert (actuator == SERVO) == (SERVO in out.read_text())
 
 
 def test_a_range_of_torques_is_none_of_the_targets_of_a_servo(servo, tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text(OF_A_MAKER.format('<motor joint="hip" gear="4" ctrlrange="-0.1 0.1"/>'))
-    settings = ExportSettings(into=path, joints=("hip",))
-    fid.export(FRICTION, "mujoco", tmp_path / "out.xml", data=servo, settings=settings)
-    text = (tmp_path / "out.xml").read_text()
+    motor = OF_A_MAKER.format('<motor joint="hip" gear="4" ctrlrange="-0.1 0.1"/>')
+    text = written_into(tmp_path, motor, FRICTION, servo)[1].read_text()
     assert "-0.1 0.1" not in text and 'ctrllimited="false"' in text
 
 

@@ -25,7 +25,7 @@ LEVELS = np.array([[0.12, 0.02], [3.5, 0.7]])
 STICKING = np.array([[0.1, 0.05, 0.5, 0.02], [3.0, 1.0, 0.3, 0.7]])
 AXES = ("angular", "linear")
 ONE, NONE = np.ones(2), np.zeros(2)
-MOTORS = Envelope(np.array([0.8, 1.5]), np.array([4.0, 10.0]), np.array([12.0, 20.0]))
+MOTORS = Envelope(*np.array([[0.8, 1.5], [4.0, 10.0], [12.0, 20.0]]))
 PLAIN = PositionControl(20 * ONE, 0.5 * ONE, np.array([0.8, np.inf]), 0.1 * ONE, 0.0, NONE)
 LATE = PLAIN._replace(delay=0.012)
 CLIPPED = PositionControl(

@@ -18,15 +18,15 @@ D = 6
 CAUSES = {"a": np.array([0, 1, 2]), "b": np.array([3]), "c": np.array([4, 5])}
 SIZE = np.full(D, 1e3)
 rng = default_rng(0)
-TURN = rng.normal(size=(D, D))
+TURN = rng.standard_normal((D, D))
 NOISE = TURN @ TURN.T + 0.1 * np.eye(D)  # strongly correlated, as parts of friction are
 
 
 def recordings(rng, count, off=0.0, noise=1.0, motion=0.0, slope=0.0):
     """Changes that scatter by themselves (0.5) and by the noise of each estimate."""
-    w = motion + rng.normal(size=(count, 1, 2))
+    w = motion + rng.standard_normal((count, 1, 2))
     root = np.linalg.cholesky(NOISE) * np.sqrt(noise)
-    value = 0.5 * rng.normal(size=(count, D)) + rng.normal(size=(count, D)) @ root.T
+    value = 0.5 * rng.standard_normal((count, D)) + rng.standard_normal((count, D)) @ root.T
     inverse = np.repeat(noise * NOISE[None], count, axis=0)
     ones = np.ones((count, D))
     shift = slope * w[:, 0, :1]
@@ -126,8 +126,8 @@ def test_a_cause_that_another_explains_with_friction_is_said(friction, doubt):
 def test_errors_of_estimates_are_no_scatter(true):
     effects = [Effect("friction of a", "", "1", 1e3)] * 4 + [Effect("b", "", "1", 1e3)] * 2
     healthy = recordings(default_rng(8), 100)
-    noise = default_rng(9).normal(size=(100, D)) @ np.linalg.cholesky(NOISE).T
-    noise[:, 0] += true * default_rng(10).normal(size=100)
+    noise = default_rng(9).standard_normal((100, D)) @ np.linalg.cholesky(NOISE).T
+    noise[:, 0] += true * default_rng(10).standard_normal(100)
     (found,) = true_scatter(healthy._replace(value=noise), effects, np.array([[1.0, 1, 1, 0]]))
     assert found == pytest.approx(true, rel=0.2)
 

@@ -25,38 +25,39 @@ from frictionid.friction.laws import (
 from frictionid.mechanics import Plant, acrobot, linear_axis, mjcf_of, pendulum
 
 MACHINE, T, DT = acrobot(rotor=2e-6), 40, 0.01
+LEVELS = [[0.02, 0.002], [0.03, 0.001]]
 LAWS = {
-    "coulomb_viscous": (CoulombViscous(), [[0.02, 0.002], [0.03, 0.001]]),
-    "stribeck": (Stribeck(), None),
-    "film_lag": (FilmLag(), None),
-    "lugre": (LuGre(), None),
-    "window": (WindowMLP(samples=3, sample_time=DT), None),
+    "coulomb_viscous": CoulombViscous(),
+    "stribeck": Stribeck(),
+    "film_lag": FilmLag(),
+    "lugre": LuGre(),
+    "window": WindowMLP(samples=3, sample_time=DT),
 }
 
 COMBINED = {
-    "static by joint": (PerJoint(("stribeck", "coulomb_viscous")), None),
-    "memory in one joint": (PerJoint(("film_lag", "coulomb_viscous")), None),
-    "none in one joint": (PerJoint(("none", "stribeck")), None),
-    "sum": (Sum(("stribeck", "motor_load")), None),
+    "static by joint": PerJoint(("stribeck", "coulomb_viscous")),
+    "memory in one joint": PerJoint(("film_lag", "coulomb_viscous")),
+    "none in one joint": PerJoint(("none", "stribeck")),
+    "sum": Sum(("stribeck", "motor_load")),
 }
 
 
 def friction_of(name):
     """A friction whose parameters differ between three machines."""
-    law, theta = (LAWS | COMBINED)[name]
-    rng = default_rng(3)
-    start = np.array(law.initial[:1]) if theta is None else np.array(theta)
+    law, rng = (LAWS | COMBINED)[name], default_rng(3)
+    start = np.array(LEVELS if name == "coulomb_viscous" else law.initial[:1])
     return Friction(law, start * rng.uniform(0.8, 1.2, (3, 2, len(law.names))))
 
 
-def motion_of(rng):
+def motion_of(seed):
+    rng = default_rng(seed)
     q, w = rng.uniform(-2, 2, (3, 2)), rng.uniform(-3, 3, (3, 2))
-    return q, w, 0.2 * rng.normal(size=(T, 3, 2))
+    return q, w, 0.2 * rng.standard_normal((T, 3, 2))
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_steps_are_those_of_a_rollout(name):
-    friction, (q, w, u) = friction_of(name), motion_of(default_rng(1))
+    friction, (q, w, u) = friction_of(name), motion_of(1)
     motion = Simulator(MACHINE, friction, dt=DT).run(State(q, w), u)
     plant = Plant.from_parameters(MACHINE, MACHINE.nominal())
     expected = rollout(plant, friction, State(q, w), u, np.full(T, DT))
@@ -66,7 +67,7 @@ def test_steps_are_those_of_a_rollout(name):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_machine_in_a_batch_moves_as_alone(name):
-    friction, (q, w, u) = friction_of(name), motion_of(default_rng(2))
+    friction, (q, w, u) = friction_of(name), motion_of(2)
     m4 = np.array([0.05, 0.08, 0.12])
     together = Simulator(MACHINE, friction, dt=DT, parameters={"m4": m4}).run(State(q, w), u)
     for i in range(3):
@@ -78,7 +79,7 @@ def test_a_machine_in_a_batch_moves_as_alone(name):
 
 @pytest.mark.parametrize("name", ["stribeck", *COMBINED])
 def test_tensors_move_as_arrays(name):
-    friction, (q, w, u) = friction_of(name), motion_of(default_rng(4))
+    friction, (q, w, u) = friction_of(name), motion_of(4)
     arrays = Simulator(MACHINE, friction, dt=DT)
     tensors = Simulator(MACHINE, Friction(friction.law, torch.as_tensor(friction.theta)), dt=DT)
     found = tensors.run(tensors.reset(q, w), u)
@@ -87,7 +88,7 @@ def test_tensors_move_as_arrays(name):
 
 
 def test_a_machine_that_diverges_is_nan_and_the_others_go_on():
-    friction, (q, w, u) = friction_of("coulomb_viscous"), motion_of(default_rng(5))
+    friction, (q, w, u) = friction_of("coulomb_viscous"), motion_of(5)
     usual = Simulator(MACHINE, friction, dt=DT)
     expected = usual.run(State(q, w), u)
     w[1] = 1e7
