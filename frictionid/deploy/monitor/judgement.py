@@ -109,7 +109,8 @@ def judge(
     maybe = totals[matters & (totals.low_95 * totals.high_95 > 0)]
     if answer == "unchanged" and len(maybe):
         answer = "cannot_tell"
-        each = (f"{baseline.joints[t.joint]} by {t.per_cent:+.0f} %" for t in maybe.itertuples())
+        rows = zip(maybe.joint.tolist(), maybe.per_cent, strict=True)
+        each = (f"{baseline.joints[joint]} by {change:+.0f} %" for joint, change in rows)
         notes.append(f"friction may have changed, of {', '.join(each)}: record more")
     lost = sum(s.end - s.begin for s in disturbed) / seconds
     if lost > _TORN:
