@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.kalman import alike
 from frictionid.data.plants import plant_of
@@ -43,7 +45,7 @@ def swing(samples, rng, rate=1000.0):
 
 def nodes_of(sizes):
     """Nodes of recordings of some lengths, each with its own clock from zero."""
-    rng, count = np.random.default_rng(0), sum(sizes)
+    rng, count = default_rng(0), sum(sizes)
     w = np.cumsum(rng.normal(0, 0.3, (count, 2)), axis=0)
     x = Inputs(0.01 * np.cumsum(w, axis=0), w, 0.0 * w, 0.0 * w)
     time = np.concatenate([0.01 * np.arange(size) for size in sizes])
@@ -55,7 +57,7 @@ def some_friction(law):
         theta = np.tile(THETA[type(law)], (3, 2, 1))
         return Friction(law, theta * np.linspace(1.0, 1.3, 3)[:, None, None])
     sizes = np.tile([0.1, 3.0], (3, 2, 1))
-    return Friction(law, law.initial_parameters(sizes, np.random.default_rng(0)))
+    return Friction(law, law.initial_parameters(sizes, default_rng(0)))
 
 
 def peak(call):
@@ -77,7 +79,7 @@ def test_a_memory_that_relaxes_is_that_of_step_by_step(law):
         for t in range(1, b - a):
             middle = at[t - 1].each(lambda p, q: (p + q) / 2, at[t])
             memory = law.advance(theta, middle, memory, np.array([[0.01]]))
-            np.testing.assert_allclose(found[t][0][:, [r]], memory[0], rtol=1e-12, atol=1e-15)
+            assert_allclose(found[t][0][:, [r]], memory[0], rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("law", [Stribeck(), MLP(), FilmLag(), LSTM(), WindowMLP()], ids=repr)
@@ -86,41 +88,41 @@ def test_torque_in_pieces_is_that_at_once(law, monkeypatch):
     own = some_friction(law) if law != Stribeck() else Friction(law, np.full((3, 2, 4), 0.3))
     whole = along(own, nodes)
     monkeypatch.setattr(friction, "_STEPS", 150)
-    np.testing.assert_allclose(along(own, nodes), whole, rtol=1e-12, atol=1e-14)
+    assert_allclose(along(own, nodes), whole, rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("law", [MLP(), LuGre()], ids=repr)
 def test_held_out_residuals_are_those_of_all_frictions_everywhere(law):
     problem, own = synthetic_problem(2), some_friction(law)
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     use = rng.random(len(problem.r)) < 0.8
     fold = rng.integers(0, 3, use.sum())
     everything = problem.residual(along(own, problem.nodes))[fold, np.flatnonzero(use)]
     found = held_out_residual(own, problem, use, fold)
-    np.testing.assert_allclose(found, everything, rtol=1e-12, atol=1e-14)
+    assert_allclose(found, everything, rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("law", [LSTM(), WindowMLP(), LuGre()], ids=repr)
 def test_recordings_held_out_side_by_side_are_those_alone(law, monkeypatch):
-    nodes, own = nodes_of((30, 5, 44, 3)), some_friction(law)[np.array([0, 2, 1, 2])]
+    nodes, own = nodes_of((30, 5, 44, 3)), some_friction(law)[[0, 2, 1, 2]]
     monkeypatch.setattr(friction, "_STEPS", 100)
     found = along_own(own, nodes)
     for r, (a, b) in enumerate(zip(nodes.first[:-1], nodes.first[1:], strict=True)):
         inputs = nodes.inputs.each(lambda x, own=slice(a, b): x[own])
         alone = Nodes(inputs, nodes.time[a:b], np.array([0, b - a]))
-        np.testing.assert_allclose(found[a:b], along(own[r], alone), rtol=1e-12, atol=1e-14)
+        assert_allclose(found[a:b], along(own[r], alone), rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("estimator", [RTS(), KalmanFilter()], ids=repr)
 def test_states_of_3000_recordings_are_those_of_each_alone(estimator):
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     angles = [swing(int(size), rng) for size in rng.integers(12, 24, 2998)]
     angles += [swing(3000, rng), swing(60, rng, rate=5.0)]
     states = estimator(angles)
     for i in (*rng.choice(2998, 20, replace=False), 2998, 2999):
         (alone,) = estimator([angles[i]])
         for a, b in zip(states[i].motion, alone.motion, strict=True):
-            np.testing.assert_array_equal(a, b)
+            assert_array_equal(a, b)
 
 
 def test_signals_of_unlike_length_are_not_padded_together():
@@ -158,14 +160,14 @@ def test_memory_of_a_fit_grows_no_faster_than_the_data(few, recipe):
 
 
 def test_memory_of_states_grows_no_faster_than_a_recording():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     RTS()([swing(1000, rng)])
     once, four = (peak(lambda n=n: RTS()([swing(n, rng)])) for n in (10_000, 40_000))
     assert four <= 4.5 * once
 
 
 def test_a_long_recording_among_many_short_ones_needs_what_it_needs_alone():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     long, short = swing(20_000, rng), [swing(40, rng) for _ in range(300)]
     alone = peak(lambda: RTS()([long]))
     assert peak(lambda: RTS()([long, *short])) <= 2 * alone
@@ -183,8 +185,8 @@ def test_shooting_in_pieces_is_that_at_once(few, monkeypatch):
     for module in (windows, window_steps):
         monkeypatch.setattr(module, "AT_ONCE", 300)
     parts = shot(few, start)
-    np.testing.assert_allclose(parts.friction.theta, whole.friction.theta, rtol=1e-9, atol=1e-11)
-    np.testing.assert_allclose(parts.covariance.error, whole.covariance.error, rtol=1e-8)
+    assert_allclose(parts.friction.theta, whole.friction.theta, rtol=1e-9, atol=1e-11)
+    assert_allclose(parts.covariance.error, whole.covariance.error, rtol=1e-8)
 
 
 def test_more_iterations_of_shooting_need_no_more_memory(few):
@@ -195,7 +197,7 @@ def test_more_iterations_of_shooting_need_no_more_memory(few):
 
 
 def test_odd_ones_among_thousands_are_found():
-    sizes = 1.0 + 0.05 * np.random.default_rng(0).standard_normal(4000)
+    sizes = 1.0 + 0.05 * default_rng(0).standard_normal(4000)
     sizes[7] = 30.0
     names = [str(i) for i in range(4000)]
     assert [odd.recording for odd in odd_among(sizes, names)] == ["7"]
@@ -211,6 +213,6 @@ def test_long_tables_are_read_as_short_ones(cell, monkeypatch):
         monkeypatch.setattr(csv_table, "_LONG", long)
         found.append(table.read_table(content, "a.csv", ["q", "time"]))
     at_once, by_rows = found
-    np.testing.assert_array_equal(at_once.rows, by_rows.rows)
+    assert_array_equal(at_once.rows, by_rows.rows)
     for name in ("q", "time"):
-        np.testing.assert_array_equal(at_once.columns[name], by_rows.columns[name])
+        assert_array_equal(at_once.columns[name], by_rows.columns[name])

@@ -11,6 +11,7 @@ from fixtures.drive_ports import setup
 from fixtures.power_cut import Change, Recorder, torn, write_files
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import FEW, QUICK, compare_into, write_dataset, write_suite
+from numpy.random import default_rng
 
 from frictionid.comparison.results import load_results
 from frictionid.errors import InputError
@@ -60,7 +61,7 @@ def reported(events):
 
 def test_a_cut_at_any_moment_leaves_results_of_one_comparison_or_says_what_is_torn(comparison):
     _, out, disk, both = comparison
-    rng, said, lasting = np.random.default_rng(SEED), 0, 0
+    rng, said, lasting = default_rng(SEED), 0, 0
     for cut in np.linspace(0, len(disk.events), CUTS).astype(int):
         files = disk.cut(cut, rng)
         done = reported(disk.events[:cut])
@@ -80,7 +81,7 @@ def test_a_cut_at_any_moment_leaves_results_of_one_comparison_or_says_what_is_to
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8, 1.0])
 def test_after_a_cut_a_comparison_is_resumed_to_the_same_scores(comparison, share):
     file, out, disk, (_, new) = comparison
-    rng = np.random.default_rng(SEED)
+    rng = default_rng(SEED)
     write_files(out, disk.cut(round(share * len(disk.events)), rng))
     # what the pictures and tables of people have lost is theirs to give up
     compare_into(file, out, resume=True, replace=True)
@@ -132,7 +133,7 @@ def test_a_log_keeps_its_synced_rows_and_shows_none_that_never_was(tmp_path, mon
     whole, synced = path.read_bytes(), sizes[-1]
     file.close()
     assert 0 < synced
-    rng, holes = np.random.default_rng(SEED), 0
+    rng, holes = default_rng(SEED), 0
     for size in rng.choice(sizes, 200):
         held = torn(whole, rng, int(size))
         holes += b"\0" in held

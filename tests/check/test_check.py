@@ -14,6 +14,7 @@ from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
 from fixtures.true_curves import plain_friction
 from fixtures.verdicts import identifiable, kinds, question
+from numpy.random import default_rng
 
 from frictionid.check import LEVELS, Finding, check
 from frictionid.check.facts import joints_of
@@ -39,7 +40,7 @@ LENGTH = 0.4
 @pytest.fixture(scope="module")
 def swings():
     """Forty noise-free recordings of one pendulum with Coulomb and viscous friction only."""
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     runs = [
         Run(
             f"r{i}",
@@ -80,7 +81,7 @@ def truth_of(plant):
 
 def test_least_squares_return_the_truth_within_their_errors(swings):
     """30 data sets, seed 3: 17 of 20 intervals of two errors hold the truth, all narrow."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     inside, shares = [], []
     for _ in range(30):
         estimate, _, _, plant = estimated(drawn(swings, rng))
@@ -105,7 +106,7 @@ def test_reversals_in_a_sharp_motion_count_and_keep_the_truth(swings):
     estimate = regress(rows, torque, plant.mechanism, plant.p)
     for name, true in truth_of(plant).items():
         assert estimate.at(name)[0] == pytest.approx(true, rel=0.01), name
-    coarse = motions_of(drawn(swings, np.random.default_rng(0)).recordings)
+    coarse = motions_of(drawn(swings, default_rng(0)).recordings)
     rows = adapted(unit_balances(plant.mechanism, coarse), coarse)
     for ours, usual in zip(rows, unit_rows(plant.mechanism, coarse), strict=True):
         np.testing.assert_array_equal(ours, usual)
@@ -113,7 +114,7 @@ def test_reversals_in_a_sharp_motion_count_and_keep_the_truth(swings):
 
 def test_the_interval_of_the_delay_holds_the_delay(swings):
     """30 data sets, seed 4, delays of 0 to 30 ms: the 95 % interval holds nearly all of them."""
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     held, widths = [], []
     for _ in range(30):
         true = float(rng.uniform(0.0, 0.03))
@@ -143,14 +144,14 @@ def test_parameters_that_look_the_same_are_an_unidentifiable_direction():
     q = 0.05 * np.sin(2 * np.pi * 0.5 * t)
     w = 2 * np.pi * 0.5
     u = (5.0 - 0.08 * w**2) * q + 0.02 * np.sign(np.cos(w * t))
-    u = u + np.random.default_rng(0).normal(0, 0.02, 600)
+    u = u + default_rng(0).normal(0, 0.02, 600)
     estimate, *_ = estimated(one_recording(t, q, u, 0.5, 0.4))
     directions = [{name for name, _ in d} for d in estimate.unidentifiable]
     assert any("inertia" in names for names in directions)
 
 
 def test_facts_count_what_was_planted():
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     keep = np.sort(rng.choice(np.arange(1, 999), 960, False))
     t = np.concatenate([[0.0], keep * 0.01, [10.0]])
     q = np.round((np.sin(3 * t) + rng.normal(0, 5e-4, len(t))) / 0.002) * 0.002
@@ -168,7 +169,7 @@ def test_facts_count_what_was_planted():
 
 
 def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
-    noisy = drawn(swings, np.random.default_rng(9), count=1)
+    noisy = drawn(swings, default_rng(9), count=1)
     frozen = changed(noisy, "torque", lambda u: np.full_like(u, 0.4))
     assert "frozen_torque" in kinds(check(frozen))
     runs = (Run("a", (1.5,), (), (Steps(0.4, 60.0),)), Run("b", (-1.8,), (), (Steps(0.4, 60.0),)))
@@ -177,7 +178,7 @@ def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
 
 
 def test_slow_recordings_without_decay_ask_for_both():
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     t = np.arange(900) / 60
     q = 0.3 * np.sin(2 * t) + rng.normal(0, 1e-4, len(t))
     u = 0.5 * np.sin(2 * t) + 0.1 * np.sign(np.cos(2 * t))
@@ -257,7 +258,7 @@ def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
 
 def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
     acrobot = load_dataset(DATA / "acrobot_mass")
-    wrong = changed(acrobot, "torque", lambda u: u + np.array([0.2, 0.0]))
+    wrong = changed(acrobot, "torque", lambda u: u + [0.2, 0.0])
     finding = kinds(check(wrong))["torque_without_motor"]
     assert finding.text.startswith("torque 1 is up to 0.2 N m")
     assert finding.level == "unusable"
@@ -271,7 +272,7 @@ def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
 
 def test_energy_of_a_joint_at_rest_is_not_tested():
     """Without torque it is noise there: it cannot be seen to fall, and rises by all it has."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     t = np.arange(600) / 60
     moves = t > 5
     q = np.where(moves, 0.8 * np.sin(4 * (t - 5)) ** 3, 0.0) + 1e-3 * rng.standard_normal(600)
@@ -298,7 +299,7 @@ def test_a_verdict_is_as_bad_as_its_worst_finding():
 @pytest.mark.parametrize("noise", [1e-3, 3e-3])
 def test_a_free_decay_is_one_beside_the_noise_of_a_torque_sensor(clean, noise):
     """Of a share of the largest torque; what is driven is none."""
-    rng, decays = np.random.default_rng(3), check(clean).passive
+    rng, decays = default_rng(3), check(clean).passive
     size = noise * max(np.abs(r.torque.value).max() for r in clean.recordings)
     noisy = changed(clean, "torque", lambda u: u + size * rng.standard_normal(u.shape))
     assert decays > 2.0

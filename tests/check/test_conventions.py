@@ -12,6 +12,7 @@ from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 from fixtures.true_curves import plain_friction
 from fixtures.verdicts import kinds
+from numpy.testing import assert_allclose
 
 from frictionid import load_dataset
 from frictionid.check import check
@@ -55,7 +56,7 @@ def test_a_time_in_another_unit_is_named_and_nothing_else(acrobot, factor, words
     assert [f.kind for f in verdict.findings] == ["time_unit"]
     assert verdict.findings[0].text.startswith(words) and verdict.level == "unusable"
     right = check(_timed(acrobot, 1.0))
-    np.testing.assert_allclose(verdict.estimate.value, right.estimate.value, rtol=1e-6)
+    assert_allclose(verdict.estimate.value, right.estimate.value, rtol=1e-6)
     assert not right.findings
 
 
@@ -78,7 +79,7 @@ def test_all_signals_are_on_the_corrected_clock():
     corrected, found = in_seconds(Dataset("d", PENDULUM, (swing,)))
     (r,) = corrected.recordings
     for signal in (r.angle, r.torque, r.velocity, r.covariates["temperature"]):
-        np.testing.assert_allclose(signal.time, time)
+        assert_allclose(signal.time, time)
     assert found[0].numbers["factor"] == 1e-3
 
 
@@ -161,7 +162,7 @@ def test_angles_from_upright_and_against_the_vertical_are_named_with_what_mends_
     assert not check(mended).findings
     for r, expected in zip(mended.recordings, true.recordings, strict=True):
         turns = (r.angle.value - expected.angle.value) / (2 * np.pi)
-        np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+        assert_allclose(turns, np.round(turns), atol=1e-9)
 
 
 @pytest.mark.parametrize("factor", [1.0, np.degrees(1.0)], ids=["rad", "deg"])

@@ -15,6 +15,8 @@ import pytest
 from fixtures import planted_faults as pool
 from fixtures.changed_data import changed
 from fixtures.check_trials import smoothed
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from frictionid.check import check, judge
 from frictionid.check.motion import mapped_motion, motions_of
@@ -27,7 +29,7 @@ CLEAR, CLEARLY_HEALTHY = 60, 150  # cases without an exception: 0.95^60 and 0.98
 @cache
 def healthy():
     """Cases: enough that 200 have two joints and 200 wrap."""
-    rigs, rng = pool.pool(seed=0), np.random.default_rng(11)
+    rigs, rng = pool.pool(seed=0), default_rng(11)
     return [pool.case(rigs[i % len(rigs)], rng) for i in range(270)]
 
 
@@ -79,7 +81,7 @@ def false_alarms(cases):
 @pytest.mark.parametrize("fault", pool.FAULTS)
 def test_a_planted_fault_is_found_and_named(fault):
     _, two = pool.FAULTS[fault]
-    rng = np.random.default_rng(100 + list(pool.FAULTS).index(fault))
+    rng = default_rng(100 + list(pool.FAULTS).index(fault))
     chosen = [i for i, case in enumerate(healthy()) if applicable(case, fault, two)][:CASES]
     assert len(chosen) == CASES
     missed, others = exceptions(with_motions(chosen[:CLEAR]), fault, rng)
@@ -117,7 +119,7 @@ def exceptions(chosen, fault, rng):
 @pytest.mark.parametrize("kinds", [("zero", "zero"), ("zero", "gain"), ("gain", "gain")])
 def test_two_faults_of_sensors_are_named_together_each_by_its_size(kinds):
     """The torques of a machine, too, one of which is too large and one too small."""
-    rng, missed = np.random.default_rng(7), []
+    rng, missed = default_rng(7), []
     cases = [case for case, _ in with_motions(range(8)) if pool.joints_of(case) == 2]
     for case in cases:
         if kinds == ("gain", "gain") and len(pool.driven_of(case)) < 2:
@@ -142,7 +144,7 @@ def test_a_gain_that_is_as_far_off_as_masses_may_be_is_named_beside_them():
 
 
 def test_a_joint_that_hardly_moves_is_named():
-    rigs, rng = pool.lazy_pool(seed=1), np.random.default_rng(5)
+    rigs, rng = pool.lazy_pool(seed=1), default_rng(5)
     cases = [(pool.case(rig, rng), joint) for _ in range(CASES // 2) for rig, joint in rigs]
     verdicts = verdicts_of(cases[:CLEAR])
     if not all(named and alone for named, alone in verdicts):
@@ -167,9 +169,9 @@ def test_the_motions_of_planted_angles_are_those_of_the_smoother(fault):
     plant, two = pool.FAULTS[fault]
     number = next(i for i, case in enumerate(healthy()) if applicable(case, fault, two))
     ((case, motions),) = with_motions([number])
-    planted, words = plant(case, np.random.default_rng(0))
+    planted, words = plant(case, default_rng(0))
     made = motions_of(unwrapped(planted)[0].recordings)
     for ours, theirs in zip(mapped(motions, fault, words), made, strict=True):
         scale = np.abs(theirs.states.w).max()
-        np.testing.assert_allclose(ours.states.w, theirs.states.w, atol=1e-6 * scale)
-        np.testing.assert_allclose(ours.velocity_noise, theirs.velocity_noise, rtol=1e-4)
+        assert_allclose(ours.states.w, theirs.states.w, atol=1e-6 * scale)
+        assert_allclose(ours.velocity_noise, theirs.velocity_noise, rtol=1e-4)

@@ -96,7 +96,7 @@ def test_a_servo_is_at_its_limit_in_the_samples_in_which_its_duty_is(delay):
 def test_torques_that_step_between_two_levels_have_no_fall():
     """Three runs of each level and seed, simulated side by side."""
     rig = fid.mechanisms.pendulum(mass=0.4, length=0.25)
-    friction = fid.Friction(fid.CoulombViscous(), np.array([[0.03, 0.01]]))
+    friction = fid.Friction(fid.CoulombViscous(), [[0.03, 0.01]])
     simulator, t, runs = fid.Simulator(rig, friction, dt=1 / 480), np.arange(4801) / 480, []
     for level, seed in product([1.2, 3.0], [0, 1]):
         rng = np.random.default_rng(seed)

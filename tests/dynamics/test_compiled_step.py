@@ -7,6 +7,7 @@ import pytest
 import sympy as sp
 from fixtures.random_robots import mechanism as robot
 from fixtures.steps import looped
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from frictionid.dynamics import rollout as prediction
@@ -73,7 +74,7 @@ GAINS = [*((*case, (0.0, 0.0)) for case in CASES), *((*case, (4.0, 0.3)) for cas
 
 def starts(mechanism):
     """Starts with joints at rest and slow ones among them, torques that change sides."""
-    random, n = np.random.default_rng(3), mechanism.n
+    random, n = default_rng(3), mechanism.n
     q, w = random.normal(size=(2, STARTS, n))
     w[::4] = 0.0
     w[1::4] *= 0.05
@@ -106,7 +107,7 @@ def test_the_motion_is_that_of_arrays(law, mechanism, gains, monkeypatch):
 
 
 def test_each_start_has_its_own_machine_and_friction(monkeypatch):
-    random, machine = np.random.default_rng(4), double_pendulum()
+    random, machine = default_rng(4), double_pendulum()
     masses = {"m1": random.uniform(0.5, 1.0, STARTS)}
     plant = Plant.from_parameters(machine, masses)
     theta = random.uniform(0.01, 0.05, size=(STARTS, 2, 2))
@@ -121,9 +122,9 @@ def test_joints_that_stop_and_free_each_other_move_as_in_finer_steps(
 
     3000 starts of one step of 20 ms, on arrays and compiled, beside 50 times as many substeps.
     """
-    random, count = np.random.default_rng(0), 3000
+    random, count = default_rng(0), 3000
     plant = Plant.from_parameters(double_pendulum(), {})
-    friction = Friction(known.CoulombViscous(), np.array([[0.5, 0.01], [0.5, 0.01]]))
+    friction = Friction(known.CoulombViscous(), [[0.5, 0.01], [0.5, 0.01]])
     q = random.uniform(-3, 3, size=(count, 2))
     w = 0.3 * random.normal(size=(count, 2))
     w[::3, 0] = w[1::3, 1] = 0.0
@@ -143,7 +144,7 @@ def test_joints_that_stop_and_free_each_other_move_as_in_finer_steps(
 def test_motions_that_diverge_are_no_numbers_from_then_on(monkeypatch):
     machine = pendulum(mass=0.5, length=0.3)
     plant = Plant.from_parameters(machine, {})
-    driving = Friction(known.CoulombViscous(), np.array([[0.0, -3.0]]))  # feeds the motion
+    driving = Friction(known.CoulombViscous(), [[0.0, -3.0]])  # feeds the motion
     arrays, fast = both(monkeypatch, plant, driving)
     assert np.isnan(fast.q).any()
     assert np.array_equal(np.isnan(fast.q), np.isnan(arrays.q))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from numpy.testing import assert_allclose
 
 pytest.importorskip("mujoco")
 from fixtures.wrist import motion, wrist
@@ -45,7 +46,7 @@ def test_motion_is_that_of_mujoco_with_friction_at_a_tendon(plant, theta):
             plant, Friction(CoulombViscous(), np.array(theta)), State(q, w), u, 0 * k + DT
         )
         coarse, fine = (motion(theta, q, w, u, DT, step)[0] for step in (4e-5, 2e-5))
-        np.testing.assert_allclose(ours.q, 2 * fine - coarse, atol=4e-4)  # of some radians
+        assert_allclose(ours.q, 2 * fine - coarse, atol=4e-4)  # of some radians
         motor = ours.w @ plant.mechanism.friction_map[2]
         at_rest += ((np.abs(motor) < 1e-9) & (np.abs(ours.w) > 0.1).all(-1)).sum()
     assert at_rest > 10  # the motor sticks while both joints move
@@ -106,7 +107,7 @@ def test_other_coordinates_give_the_same_motion():
     here = Plant.from_parameters(coupled, {})
     start, law = states(8), CoulombViscous()
     turn = np.array([[1.0, 0.0], [1.0, 1.0]])  # b from the vertical = a + b
-    one = passive(there, Friction(law, np.array([[0.1, 0.01], [0.15, 0.005]])), start, 50)
+    one = passive(there, Friction(law, [[0.1, 0.01], [0.15, 0.005]]), start, 50)
     back = State(start.q @ np.linalg.inv(turn).T, start.w @ np.linalg.inv(turn).T)
     theta = np.array([[0.1, 0.01], [0.0, 0.0], [0.15, 0.005]])
     other = passive(here, Friction(law, theta), back, 50)
@@ -114,4 +115,4 @@ def test_other_coordinates_give_the_same_motion():
     assert np.median(off[-1]) < 1e-7 and off.max() < 1e-5
     rests = one.w == 0.0
     assert rests[..., 1].any() and not rests[..., 1].all()
-    np.testing.assert_allclose((other.w @ turn.T)[rests], 0.0, atol=1e-9)
+    assert_allclose((other.w @ turn.T)[rests], 0.0, atol=1e-9)

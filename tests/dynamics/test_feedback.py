@@ -89,7 +89,7 @@ def test_a_stiff_joint_moves_as_an_independent_integration_says(K, B):
 
     time = np.linspace(0.0, 1.0, 101)
     truth = solve_ivp(slope, (0, 1), [-0.5, 0.0], "Radau", time, rtol=1e-8, atol=1e-10).y
-    friction = Friction(known.CoulombViscous(), np.array([levels]))
+    friction = Friction(known.CoulombViscous(), [levels])
     u = np.full((100, 1), K * goal)
     motion = rollout(plant, friction, State(np.array([-0.5]), np.zeros(1)), u, np.full(100, 0.01))
     np.testing.assert_allclose(motion.q[:, 0], truth[0], atol=5e-4)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.steps import step
+from numpy.testing import assert_array_equal
 
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
@@ -15,7 +16,7 @@ LEVELS = np.array([[0.6, 0.01], [0.25, 0.01]])
 FRICTIONS = {
     "sharp": Friction(CoulombViscous(), LEVELS),
     "wide": Friction(CoulombViscous(width=0.5), LEVELS),
-    "stribeck": Friction(Stribeck(), np.array([[0.4, 0.2, 0.3, 0.01], [0.15, 0.1, 0.3, 0.01]])),
+    "stribeck": Friction(Stribeck(), [[0.4, 0.2, 0.3, 0.01], [0.15, 0.1, 0.3, 0.01]]),
     "lugre": Friction(LuGre(), np.tile(LuGre().initial[0], (2, 1))),
 }
 
@@ -31,14 +32,14 @@ def test_the_mirrored_motion_is_mirrored(name):
     friction = FRICTIONS[name]
     there = rollout(PLANT, friction, State(q, w), u, dt)
     back = rollout(PLANT, friction, State(-q, -w), -u, dt)
-    np.testing.assert_array_equal(back.q, -there.q)
-    np.testing.assert_array_equal(back.w, -there.w)
+    assert_array_equal(back.q, -there.q)
+    assert_array_equal(back.w, -there.w)
     assert (there.w == 0.0).any() and (there.w[-1] != 0.0).any()
 
 
 def test_where_a_joint_breaks_away_the_error_falls_faster_than_the_square_of_the_step():
     """The swing of the first joint loads the second one beyond its level within the step."""
-    friction = Friction(CoulombViscous(), np.array([[0.0, 0.0], [0.25, 0.0]]))
+    friction = Friction(CoulombViscous(), [[0.0, 0.0], [0.25, 0.0]])
     u, ms = np.zeros(2), np.full(400, 0.001)
     begin = State(np.array([1.5, 0.7]), np.array([2.0, 0.0]))
     swing = rollout(PLANT, friction, begin, np.zeros((400, 2)), ms)

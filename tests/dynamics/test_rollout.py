@@ -7,6 +7,7 @@ import pytest
 import torch
 from fixtures.memory_laws import FILM, STRIBECK, Sampled, SampledFollower
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
@@ -30,7 +31,7 @@ from frictionid.simulate.true_friction import Stribeck as Truth
 
 METHODS = ("rk4", "euler", "semi_implicit")
 PLANT = Plant.from_parameters(double_pendulum(), {})
-SAMPLED = Friction(Sampled(), np.array([[0.02], [0.01]]))
+SAMPLED = Friction(Sampled(), [[0.02], [0.01]])
 FRICTIONS = {"stribeck": STRIBECK, "film lag": FILM, "sampled": SAMPLED}
 T = 16
 EVEN = np.full(T, 1 / 60)
@@ -38,7 +39,8 @@ RESOLUTION = 2e-3  # [rad], where joints stick and slip: what another number of 
 
 
 def starts(rng, size=7):
-    """Start states, some at rest, and torques."""
+    """Start states, some at rest, and torques, by a generator or its seed."""
+    rng = default_rng(rng)
     q, w = rng.uniform(-2, 2, (size, 2)), rng.uniform(-4, 4, (size, 2))
     w[::3, 1] = 0.0
     return State(q, w), 0.3 * rng.normal(size=(T, size, 2))
@@ -53,8 +55,8 @@ def alone(start, k):
 
 def test_held_torques_on_an_uneven_clock_are_followed_exactly():
     plant = Plant.from_parameters(pendulum(), {"mass": 0.5, "length": 0.2})
-    friction = Friction(CoulombViscous(), np.array([[0.0, 0.05]]))
-    rng = np.random.default_rng(3)
+    friction = Friction(CoulombViscous(), [[0.0, 0.05]])
+    rng = default_rng(3)
     dt, u = rng.uniform(0.01, 0.1, 20), rng.normal(size=(20, 1))
 
     def rate(t, y):
@@ -74,8 +76,8 @@ def test_held_torques_on_an_uneven_clock_are_followed_exactly():
 
 def test_a_step_near_rest_converges_as_it_is_halved():
     """1000 steps of 1/60 s from rest and slow motion, beside steps of 16 us near rest."""
-    plant, rng, count = Plant.from_parameters(acrobot(), {}), np.random.default_rng(7), 1000
-    friction = Friction(Stribeck(), np.array([[0.165, 0.0, 1.0, 0.01], [0.055, 0.03, 1.5, 0.003]]))
+    plant, rng, count = Plant.from_parameters(acrobot(), {}), default_rng(7), 1000
+    friction = Friction(Stribeck(), [[0.165, 0.0, 1.0, 0.01], [0.055, 0.03, 1.5, 0.003]])
     w = rng.choice([0.0, 0.05, 1.0], (count, 2)) * rng.normal(size=(count, 2))
     start = State(rng.uniform(-2, 2, (count, 2)), w)
     u = 0.2 * rng.normal(size=(count, 1)) * plant.mechanism.motors
@@ -91,7 +93,7 @@ def test_a_step_near_rest_converges_as_it_is_halved():
 
 
 def test_a_second_is_that_of_the_simulator_with_its_real_stick():
-    plant, rng = Plant.from_parameters(acrobot(), {}), np.random.default_rng(20)
+    plant, rng = Plant.from_parameters(acrobot(), {}), default_rng(20)
     theta = np.array([[0.165, 0.165, 0.0, 0.0, 1.0, 0.01], [0.055, 0.06, 0.03, 0.05, 1.5, 0.003]])
     start = State(rng.uniform(-2, 2, (16, 2)), rng.uniform(-6, 6, (16, 2)))
     u = np.zeros((60, 16, 2))
@@ -111,7 +113,7 @@ def test_a_second_is_that_of_the_simulator_with_its_real_stick():
 
 
 def test_the_semi_implicit_step_undoes_backward_differences():
-    start, u = starts(np.random.default_rng(6), 1)
+    start, u = starts(6, 1)
     motion = rollout(PLANT, STRIBECK, start, u, EVEN, method="semi_implicit")
     assert_allclose(motion.q[1:], motion.q[:-1] + motion.w[1:] / 60, rtol=0, atol=1e-14)
     time = np.arange(T + 1) / 60
@@ -120,7 +122,7 @@ def test_the_semi_implicit_step_undoes_backward_differences():
 
 
 def test_an_unknown_method_is_refused():
-    start, u = starts(np.random.default_rng(7))
+    start, u = starts(7)
     with assert_refused("'heun' is unknown; known are 'rk4', 'euler'"):
         rollout(PLANT, STRIBECK, start, u, EVEN, method="heun")
 
@@ -131,7 +133,7 @@ def test_an_unknown_method_is_refused():
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FRICTIONS)
 def test_many_starts_are_each_start_alone(name, method):
-    start, u = starts(np.random.default_rng(8))
+    start, u = starts(8)
     together = rollout(PLANT, FRICTIONS[name], start, u, EVEN, method=method)
     for k in range(7):
         one = rollout(PLANT, FRICTIONS[name], alone(start, k), u[:, k], EVEN, method=method)
@@ -141,9 +143,9 @@ def test_many_starts_are_each_start_alone(name, method):
 
 @pytest.mark.parametrize("name", FRICTIONS)
 def test_stacked_folds_are_each_fold_alone(name):
-    start, u = starts(np.random.default_rng(9))
+    start, u = starts(9)
     friction = FRICTIONS[name]
-    factor = np.random.default_rng(10).uniform(0.8, 1.2, (3, 1, 1, 1))
+    factor = default_rng(10).uniform(0.8, 1.2, (3, 1, 1, 1))
     many = Friction(friction.law, friction.theta * factor)
     together = rollout(PLANT, many, start, u, EVEN)
     assert together.q.shape == (T + 1, 3, 7, 2)
@@ -155,7 +157,7 @@ def test_stacked_folds_are_each_fold_alone(name):
 
 @pytest.mark.parametrize(("method", "off"), [("rk4", RESOLUTION), ("semi_implicit", 0.0)])
 def test_every_start_may_have_its_own_plant_friction_and_clock(method, off):
-    rng = np.random.default_rng(11)
+    rng = default_rng(11)
     start, u = starts(rng)
     plants = Plant.from_parameters(double_pendulum(), {"m2": rng.uniform(0.3, 0.6, 7)})
     own = Friction(Stribeck(), STRIBECK.theta * rng.uniform(0.8, 1.2, (7, 1, 1)))
@@ -171,7 +173,7 @@ def test_every_start_may_have_its_own_plant_friction_and_clock(method, off):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", ["stribeck", "film lag"])
 def test_a_motion_that_diverges_is_nan_from_there_on_and_alone(name, method):
-    start, u = starts(np.random.default_rng(13))
+    start, u = starts(13)
     calm = rollout(PLANT, FRICTIONS[name], start, u, EVEN, method=method)
     u[5, 2] = 1e9
     u[10, 4] = np.inf
@@ -184,7 +186,7 @@ def test_a_motion_that_diverges_is_nan_from_there_on_and_alone(name, method):
 
 
 def test_arguments_are_left_as_they_were():
-    start, u = starts(np.random.default_rng(15))
+    start, u = starts(15)
     copies = [x.copy() for x in (start.q, start.w, u, EVEN)]
     rollout(PLANT, STRIBECK, start, u, EVEN)
     for given, copy in zip((start.q, start.w, u, EVEN), copies, strict=True):
@@ -195,7 +197,7 @@ def test_arguments_are_left_as_they_were():
 
 
 def test_without_a_memory_the_motion_begins_with_a_new_one():
-    start, u = starts(np.random.default_rng(16))
+    start, u = starts(16)
     x = Inputs(start.q, start.w, u[0], 0 * start.q)
     given = start._replace(memory=FILM.law.start(FILM.theta, x))
     a, b = (rollout(PLANT, FILM, s, u, EVEN) for s in (start, given))
@@ -207,7 +209,7 @@ def test_without_a_memory_the_motion_begins_with_a_new_one():
 @pytest.mark.parametrize("method", METHODS)
 def test_the_memory_of_a_predicted_motion_is_that_along_it(method):
     # a sampled law remembers the same, whether it predicts a motion or reads it from a recording
-    start, u = starts(np.random.default_rng(17), 1)
+    start, u = starts(17, 1)
     u = u[:, 0]
     motion = rollout(PLANT, SAMPLED, alone(start, 0), u, EVEN, method=method)
     x = Inputs(motion.q[:-1], motion.w[:-1], u, 0 * u)
@@ -226,9 +228,9 @@ def test_a_memory_of_samples_advances_by_the_whole_interval(method):
     """
     gain, inertia = 1e-6, 0.01
     rotor = Plant.from_parameters(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0})
-    dt = np.random.default_rng(20).uniform(0.01, 0.03, T)
+    dt = default_rng(20).uniform(0.01, 0.03, T)
     start = State(np.zeros(1), np.ones(1))
-    friction = Friction(SampledFollower(), np.array([[gain]]))
+    friction = Friction(SampledFollower(), [[gain]])
     w = rollout(rotor, friction, start, np.zeros((T, 1)), dt, method=method).w
     z = 1.0 - np.exp(-np.concatenate([[0.0], np.cumsum(dt)[:-1]]) / 0.1)
     assert (1.0 - w[-1, 0]) * inertia / gain == pytest.approx((z * dt).sum(), rel=1e-3)
@@ -253,7 +255,7 @@ def on_tensors(friction, start, u, dt, plant=PLANT, **options):
     [*((name, "rk4") for name in (*FRICTIONS, "none")), *(("stribeck", m) for m in METHODS[1:])],
 )
 def test_tensors_give_the_same_motion(name, method):
-    start, u = starts(np.random.default_rng(19))
+    start, u = starts(19)
     friction = FRICTIONS.get(name) or Friction(NoFriction(), np.zeros((2, 0)))
     expected = rollout(PLANT, friction, start, u, EVEN, method=method)
     other = Friction(friction.law, tensor(friction.theta))

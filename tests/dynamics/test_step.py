@@ -30,10 +30,10 @@ class Case(NamedTuple):
 
 
 def viscous(*levels):
-    return Friction(CoulombViscous(), np.array([[0.0, v] for v in levels]))
+    return Friction(CoulombViscous(), [[0.0, v] for v in levels])
 
 
-WIDE = Friction(CoulombViscous(width=3.0), np.array([[0.1, 0.01], [0.05, 0.01]]))
+WIDE = Friction(CoulombViscous(width=3.0), [[0.1, 0.01], [0.05, 0.01]])
 CASES = {
     "pendulum": Case(
         Plant.from_parameters(pendulum(), {"mass": 0.5, "length": 0.2}),
@@ -125,7 +125,7 @@ def test_torques_of_joints_without_motor_do_nothing():
 
 def test_all_joints_of_a_batch_with_two_axes_may_stop_within_one_substep():
     plant = CASES["pendulum"].plant
-    frictions = Friction(CoulombViscous(), np.array([0.5, 0.0]) * np.ones((2, 1, 1, 2)))
+    frictions = Friction(CoulombViscous(), [0.5, 0.0] * np.ones((2, 1, 1, 2)))
     state = State(np.full((2, 2, 1), 0.1), np.full((2, 2, 1), 0.01))
     u, dt = np.zeros((2, 2, 1)), np.array([0.02])
     together = step(plant, frictions, state, u, dt, 1)
@@ -189,7 +189,7 @@ class Pressed(Squeezed):
 def test_the_substeps_follow_friction_that_grows_with_load_or_motor_torque(law, size):
     mass, length = 1.0, 0.2
     plant = Plant.from_parameters(pendulum(), {"mass": mass, "length": length})
-    friction = Friction(law, np.array([[0.0, 3.0]]))
+    friction = Friction(law, [[0.0, 3.0]])
     most = 3.0 * mass * 9.81 * size / (mass * length**2)  # held still against gravity
     assert most <= stiffness(plant, friction) * 1.01 < 1.3 * most
 
@@ -197,7 +197,7 @@ def test_the_substeps_follow_friction_that_grows_with_load_or_motor_torque(law, 
 @pytest.mark.parametrize("beyond", [0.0, 0.005, 0.03, 0.5])
 def test_slopes_beyond_a_speed_are_those_of_the_curve_there(beyond):
     """Of smoothed Coulomb friction the steepest is the slowest."""
-    friction = Friction(CoulombViscous(width=0.02), np.array([[0.1, 0.003]]))
+    friction = Friction(CoulombViscous(width=0.02), [[0.1, 0.003]])
     found = slopes(friction, beyond) if beyond else slopes(friction)
     x = np.array([[beyond - 1e-6], [beyond + 1e-6]])
     below, above = np.asarray(friction.law.torque(friction.theta, at_rest(x), ()))
@@ -205,13 +205,13 @@ def test_slopes_beyond_a_speed_are_those_of_the_curve_there(beyond):
 
 
 def test_friction_that_grows_with_motor_torque_is_flat_without_it():
-    friction = Friction(Pressed(), np.array([[0.0, 3.0]]))
+    friction = Friction(Pressed(), [[0.0, 3.0]])
     assert slopes(friction) == 0.0 < slopes(friction, u=np.array([0.2]))
 
 
 def test_the_substeps_follow_the_fastest_rate():
     plant = Plant.from_parameters(pendulum(), {"mass": 1.0, "length": 0.1})  # 0.01 kg m^2
-    steep = Friction(CoulombViscous(width=0.001), np.array([[0.1, 0.0]]))
+    steep = Friction(CoulombViscous(width=0.001), [[0.1, 0.0]])
     assert stiffness(plant, steep) == pytest.approx(0.1 / 0.001 / 0.01, rel=1e-3)
     free = Friction(NoFriction(), np.zeros((1, 0)))
     assert stiffness(plant, free) == 0.0
@@ -221,7 +221,7 @@ def test_the_substeps_follow_the_fastest_rate():
 
 def test_the_rate_of_coupled_joints_is_the_worst_over_all_positions():
     plant = CASES["double"].plant
-    friction = Friction(CoulombViscous(), np.array([[0.0, 0.3], [0.0, 0.1]]))
+    friction = Friction(CoulombViscous(), [[0.0, 0.3], [0.0, 0.1]])
     q = np.random.default_rng(4).uniform(-np.pi, np.pi, (2000, 2))
     M, _ = plant.dynamics(q, 0 * q)
     rates = np.linalg.eigvals(np.linalg.solve(M, np.diag([0.3, 0.1]))).real.max(axis=1)
@@ -230,7 +230,7 @@ def test_the_rate_of_coupled_joints_is_the_worst_over_all_positions():
 
 def test_a_batch_has_the_rate_of_its_worst():
     plant = Plant.from_parameters(pendulum(), {"mass": np.array([1.0, 0.2]), "length": 0.1})
-    many = Friction(CoulombViscous(), np.array([[[0.1, 0.0]], [[0.4, 0.0]], [[0.2, 0.0]]]))
+    many = Friction(CoulombViscous(), [[[0.1, 0.0]], [[0.4, 0.0]], [[0.2, 0.0]]])
     rates = [stiffness(plant[k], many[f]) for k in range(2) for f in range(3)]
     assert stiffness(plant, many) == max(rates) > min(rates)
 
@@ -248,7 +248,7 @@ def test_the_default_count_is_stable_where_a_third_of_it_is_not(width):
 
 
 def test_a_law_too_steep_for_any_step_is_refused():
-    absurd = Friction(CoulombViscous(), np.array([[0.1, 5e7], [0.1, 0.0]]))
+    absurd = Friction(CoulombViscous(), [[0.1, 5e7], [0.1, 0.0]])
     words = r"slope of [\d.e+]+ N m s/rad .* needs \d+ substeps in 0.0167 s: widen the law's"
     with assert_refused(words):
         step_size_of(CASES["double"].plant, absurd, 1 / 60)
@@ -261,4 +261,4 @@ def test_a_steep_rise_at_rest_takes_no_more_steps_than_a_break_away():
     assert step_size_of(plant, steep, 1 / 60) == step_size_of(plant, wide, 1 / 60)
     start, u = State(np.array([0.3, -0.8]), np.array([1.0, 2.0])), np.zeros((120, 2))
     ends = [rollout(plant, f, start, u, np.full(120, 1 / 60)).q[-1] for f in (steep, wide)]
-    np.testing.assert_allclose(ends[0], ends[1], atol=1e-3)
+    assert_allclose(ends[0], ends[1], atol=1e-3)

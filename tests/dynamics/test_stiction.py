@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 from fixtures.steps import step, substeps
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
@@ -22,11 +23,11 @@ ROTOR = Plant.from_parameters(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0}
 INERTIA = 0.01
 DOUBLE = Plant.from_parameters(double_pendulum(), {})
 # break-away 0.1 for positive and 0.06 for negative velocities, sliding levels 0.07 and 0.05
-UNEQUAL = Friction(Stribeck(symmetric=False), np.array([[0.07, 0.05, 0.03, 0.01, 1.0, 0.0]]))
+UNEQUAL = Friction(Stribeck(symmetric=False), [[0.07, 0.05, 0.03, 0.01, 1.0, 0.0]])
 
 
 def coulomb(*levels, width=0.02):
-    return Friction(CoulombViscous(width=width), np.array([[level, 0.0] for level in levels]))
+    return Friction(CoulombViscous(width=width), [[level, 0.0] for level in levels])
 
 
 def held_for(duration, plant, friction, q, u, count=2500):
@@ -90,7 +91,7 @@ def slide_and_stick(plant, level, q, w):
 
 def test_a_pendulum_comes_to_rest_where_set_valued_friction_lets_it():
     plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     q, w = rng.uniform(-2.5, 2.5, (8, 1)), rng.uniform(-8, 8, (8, 1))
     exact = [slide_and_stick(plant, 0.02, a, b) for a, b in zip(q[:, 0], w[:, 0], strict=True)]
     for width in (0.02, 0.005):  # the smoothing of the sign is no part of the physics
@@ -121,7 +122,7 @@ def test_two_joints_stay_while_both_loads_are_below_and_each_breaks_away_on_its_
 
 
 def test_a_motion_that_has_diverged_does_not_end_the_search_of_others():
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     q = rng.uniform(-np.pi, np.pi, (2000, 2))
     _, h = DOUBLE.dynamics(q, 0 * q)
     load = rng.uniform(-2.0, 2.0, (2000, 2)) * [0.3, 0.1]
@@ -143,7 +144,7 @@ def sliding_case(rng, speed, size=400):
 
 
 def test_a_joint_at_rest_feels_that_the_other_slides():
-    begin, u, load, hold = sliding_case(np.random.default_rng(6), 0.05)
+    begin, u, load, hold = sliding_case(default_rng(6), 0.05)
     end = step(DOUBLE, coulomb(0.3, 0.1), begin, u, np.array([1e-6]), 1)
     held = np.abs(hold) < 0.3
     assert_array_equal(end.w[:, 0] == 0.0, held)
@@ -152,9 +153,9 @@ def test_a_joint_at_rest_feels_that_the_other_slides():
 
 
 def test_a_joint_stops_by_its_own_load_while_the_other_is_held():
-    begin, u, _, hold = sliding_case(np.random.default_rng(7), 1e-7)
+    begin, u, _, hold = sliding_case(default_rng(7), 1e-7)
     # more load on joint 2, against its motion: it turns round in this substep, or stops
-    more = np.random.default_rng(8).uniform(0.0, 1.0, len(u))
+    more = default_rng(8).uniform(0.0, 1.0, len(u))
     _, h = DOUBLE.dynamics(begin.q, begin.w)
     u[:, 1] = -np.sign(begin.w[:, 1]) * 0.2 * more - h[:, 1]
     M, _ = DOUBLE.dynamics(begin.q, begin.w)
@@ -165,7 +166,7 @@ def test_a_joint_stops_by_its_own_load_while_the_other_is_held():
 
 
 def test_a_joint_stops_by_its_own_load_while_the_other_slides():
-    rng = np.random.default_rng(9)
+    rng = default_rng(9)
     begin, u, load, _ = sliding_case(rng, 1e-7)
     begin.w[:, 0] = 0.05 * rng.choice([-1.0, 1.0], len(u))
     M, h = DOUBLE.dynamics(begin.q, begin.w)
@@ -211,7 +212,7 @@ def test_a_stuck_joint_is_no_joint_and_breaks_away_when_the_swing_loads_it_enoug
 
 
 def test_stopping_keeps_the_momentum_of_free_joints_and_never_adds_energy():
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     q, before = rng.uniform(-np.pi, np.pi, (200, 2)), rng.uniform(-5, 5, (200, 2))
     after = before * rng.uniform(-0.5, 1.5, (200, 2))  # some joints have crossed zero
     crossed = before * after < 0
@@ -237,7 +238,7 @@ MACHINES = {
     "pendulum": (Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2}), coulomb(0.01)),
     "double": (
         DOUBLE,
-        Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.01], [0.05, 0.04, 0.7, 0.0]])),
+        Friction(Stribeck(), [[0.1, 0.03, 1.5, 0.01], [0.05, 0.04, 0.7, 0.0]]),
     ),
     "acrobot": (Plant.from_parameters(acrobot(), {}), coulomb(0.165, 0.055)),
 }
@@ -246,7 +247,7 @@ MACHINES = {
 @pytest.mark.parametrize("name", MACHINES)
 def test_without_input_energy_falls_until_all_joints_rest_within_the_band_for_good(name):
     plant, friction = MACHINES[name]
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     q = rng.uniform(-3, 3, (12, plant.n))
     w = rng.uniform(-6, 6, (12, plant.n))
     length = 700 if name == "pendulum" else 420
@@ -287,7 +288,7 @@ def held_by_cases(one):
 
 @pytest.mark.parametrize("n", [2, 3])
 def test_joints_that_stick_at_once_are_held_as_all_cases_tried_say(n):
-    rng = np.random.default_rng(21)
+    rng = default_rng(21)
     kinds = set()
     for _ in range(300):
         low, high = rng.uniform(0.2, 1.0, (2, n))

@@ -21,7 +21,7 @@ from frictionid.friction.laws import CoulombViscous, MotorLoad
 
 P, D, NOISE = 60.0, 1.5, 2e-3
 RIG = ServoPendulum(coulomb=0.2, viscous=0.2, noise=NOISE)
-TRUTH = Friction(CoulombViscous(), np.array([[RIG.coulomb, RIG.viscous]]))
+TRUTH = Friction(CoulombViscous(), [[RIG.coulomb, RIG.viscous]])
 INERTIA = RIG.mass * RIG.length**2
 
 
@@ -57,7 +57,7 @@ def test_the_truth_is_found_where_noise_of_recorded_angles_would_pass_for_torque
     data = each(late, lambda r: replace(r, servo=replace(r.servo, target_delay=0.0)))
     blocks = (FrictionBlock(), InertiaBlock(), BiasBlock(), TargetDelayBlock())
     settings = Settings(windows=(0.1, 0.2, 0.5), significance=1.0)
-    start = Friction(CoulombViscous(), np.array([[0.1, 0.1]]))
+    start = Friction(CoulombViscous(), [[0.1, 0.1]])
     fit = refine(start, data, blocks, settings)
     true = np.array([0.2, 0.2, INERTIA, 9.81 * RIG.mass * RIG.length, 0.0, 0.010])
     low, high = fit.covariance.interval(0.99).T
@@ -92,7 +92,7 @@ def test_recordings_with_a_torque_log_beside_servos_keep_it():
 
 def test_friction_of_gears_sees_the_torque_of_the_closed_loop():
     rig = ServoPendulum(coulomb=0.02, viscous=0.02, load=0.1, noise=2e-4)
-    friction = Friction(MotorLoad(), np.array([[0.02, 0.02, 0.1]]))
+    friction = Friction(MotorLoad(), [[0.02, 0.02, 0.1]])
     assert np.median(rollouts(logs(rig), friction, 2.0)) < 0.75 * rig.noise
 
 

@@ -43,7 +43,7 @@ from frictionid.friction.laws import CoulombViscous
 MASS, LENGTH, KT, R = 0.5, 0.1, 0.37, 2.9
 TABLE = {"kind": "pendulum", "motor": True, "parameters": {"mass": MASS, "length": LENGTH}}
 VISCOUS = 0.006  # alone: nothing ever sticks, so that SciPy integrates the truth
-TRUTH = Friction(CoulombViscous(), np.array([[0.0, VISCOUS]]))
+TRUTH = Friction(CoulombViscous(), [[0.0, VISCOUS]])
 
 
 def servo(time, rate, gain, stop):
@@ -114,7 +114,7 @@ def test_the_true_friction_follows_the_whole_motion(logs, begin):
 def test_another_friction_or_another_motor_does_not(logs, usual):
     (data, states), (q, trajectory) = logs, usual
     good = np.nanmean(np.abs(q - trajectory.measured))
-    heavy = Friction(CoulombViscous(), np.array([[0.0, 2 * VISCOUS]]))
+    heavy = Friction(CoulombViscous(), [[0.0, 2 * VISCOUS]])
     weak = servoed(data, lambda servo: servo.with_motor(KT, 1.1 * R))
     for other, friction in ((data, heavy), (weak, TRUTH)):
         q, trajectory = run_of(other, states, friction)
@@ -137,7 +137,7 @@ def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
         return replace(servo, goal=goal, enabled=on, limit=1e9)
 
     less = VISCOUS - KT / R * servo.supply * servo.gain * d
-    other = Friction(CoulombViscous(), np.array([[0.0, less]]))
+    other = Friction(CoulombViscous(), [[0.0, less]])
     shifted, _ = run_of(servoed(data, later), states, other)
     change = np.abs(corrected - run_of(free, states)[0]).max()
     assert change > 1e-3 and np.abs(corrected - shifted).max() < 0.1 * change
@@ -167,8 +167,8 @@ def test_together_is_as_alone(logs, usual):
     "friction",
     [
         TRUTH,
-        Friction(Sampled(), np.array([[0.01]])),
-        Friction(SampledFollower(), np.array([[0.01]])),
+        Friction(Sampled(), [[0.01]]),
+        Friction(SampledFollower(), [[0.01]]),
     ],
     ids=["static", "samples", "follower"],
 )

@@ -13,10 +13,8 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 from frictionid.friction.model_files import save_model
 
-TRUE = Friction(
-    Stribeck(symmetric=False), np.array([[v[0] for k, v in TRUTH.items() if k != "kind"]])
-)
-WRONG = Friction(CoulombViscous(), np.array([[0.05, 0.0]]))
+TRUE = Friction(Stribeck(symmetric=False), [[v[0] for k, v in TRUTH.items() if k != "kind"]])
+WRONG = Friction(CoulombViscous(), [[0.05, 0.0]])
 
 
 def test_errors_of_the_table_are_the_scores():

@@ -239,7 +239,7 @@ def test_blocks_shorter_than_a_horizon_are_refused(prepared):
 def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(prepared, kind):
     data = dataset()
     folds = make_folds(data.recordings, Split(count=4, kind=kind))
-    friction = Friction(CoulombViscous(), np.array([[[0.0, 0.1 * f]] for f in range(4)]))
+    friction = Friction(CoulombViscous(), [[[0.0, 0.1 * f]] for f in range(4)])
     rows, *_ = score_folds(friction, friction[0], prepared, folds)
     held_out, starts = lines(rows), prepared.initial_states
     fold = initial_state_folds(starts, folds, prepared.causal)
@@ -293,7 +293,7 @@ def _cold(starts):
 
 
 def test_one_step_scores_remember_along_the_recording_too(prepared):
-    friction = Friction(FilmLag(), np.array([[0.03, 0.01, 1.0, 0.004, 0.08]]))
+    friction = Friction(FilmLag(), [[0.03, 0.01, 1.0, 0.004, 0.08]])
     rows, *_ = score_model(friction, prepared)
     residual = prepared.euler.residual(along(friction, prepared.euler.nodes))
     rms = select(rows, score="one_step_euler", statistic="rms")["all", "all"]
@@ -303,7 +303,7 @@ def test_one_step_scores_remember_along_the_recording_too(prepared):
 def test_a_friction_that_drives_the_motion_away_is_counted_and_not_an_error():
     data = dataset()
     prepared = prepare(data, Protocol(horizons=(0.5,)))
-    friction = Friction(CoulombViscous(), np.array([[0.0, -5.0]]))
+    friction = Friction(CoulombViscous(), [[0.0, -5.0]])
     rows, motions, *_ = score_model(friction, prepared)
     assert select(rows, statistic="diverged", score="rollout_angle")["all", "all"] > 0.9
     assert select(rows, statistic="median", score="rollout_angle")["all", "all"] == np.inf

@@ -15,7 +15,7 @@ from frictionid.friction import Friction, Law
 from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 
-TRUE = Friction(CoulombViscous(), np.array([[LEVEL, VISCOUS]]))
+TRUE = Friction(CoulombViscous(), [[LEVEL, VISCOUS]])
 data = cache(partial(driven_pendulum, 150, 3, seed=3))
 
 
@@ -115,7 +115,7 @@ class SampledViscous(Law):
 def test_a_memory_of_samples_is_that_of_the_motion_found(drag):
     prepared, _ = estimated()
     starts = prepared.initial_states
-    state = states(prepared, Friction(SampledViscous(), np.array([[0.02, drag]])))
+    state = states(prepared, Friction(SampledViscous(), [[0.02, drag]]))
     own = np.abs(state.w - starts.w).max(axis=-1) > 0.0  # the others are the filter's
     assert own.mean() > 0.9
     assert_array_equal(state.memory[0][own], state.w[own])

@@ -74,7 +74,7 @@ def test_without_friction_all_of_it_is_left(data):
 
 
 def test_what_is_missing_in_one_joint_is_left_there(data):
-    less = TRUTH - np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    less = TRUTH - [[0.0, 0.0], [1.5, 0.0], [0.0, 0.0], [0.0, 0.0]]
     frame = left(data, less)
     assert frame["left_rms"]["2"] == pytest.approx(1.5, rel=0.02)
     assert (frame["left"][["1", "3"]] < NOISE).all()

@@ -8,6 +8,7 @@ import pytest
 from fixtures.pendulum_experiment import on_pendulum
 from fixtures.refusals import assert_refused
 from fixtures.true_curves import plain_friction
+from numpy.random import default_rng
 
 from frictionid.data.kalman import Series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
@@ -98,7 +99,7 @@ def measured(experiment, torque, start):
     q = really(experiment, torque, start)[0]
     recordings = []
     for seed in SEEDS:
-        noise = np.random.default_rng(seed).normal(0.0, experiment.angle_noise, q.shape)
+        noise = default_rng(seed).normal(0.0, experiment.angle_noise, q.shape)
         for r in range(q.shape[1]):
             angle = Signal(experiment.images, q[:, r] + noise[:, r])
             held = Signal(experiment.commands, torque[:, r], hold="previous")
@@ -217,7 +218,7 @@ def test_without_noise_repetitions_differ_by_nothing():
 
 def test_the_smoothers_gains_are_those_of_the_whole_recording():
     samples, dt, decade = 200, 1 / 60, 9.0
-    noise = np.random.default_rng(0).normal(size=(samples, 3))
+    noise = default_rng(0).normal(size=(samples, 3))
     series = Series(
         np.full((samples, 3), dt),
         noise,
@@ -294,7 +295,7 @@ def test_more_torque_never_hurts():
     """Every weaker signal is allowed as well: the best of all tells at least as much."""
     values, pool = [], None
     scale = np.array([0.001, 0.0001, 0.001, 0.01])
-    x = np.random.default_rng(3).uniform(size=(64, 18))
+    x = default_rng(3).uniform(size=(64, 18))
     for torque in ("0.05", "0.1", "0.2", "0.4"):
         more = simulated(on_pendulum(torque), x, 0)
         assert more is not None
@@ -309,7 +310,7 @@ def test_more_torque_never_hurts():
 def test_mirrored_signals_tell_the_same():
     # the draw of noise is not mirrored; at 1e-3 rad it finds the same bandwidths for both
     experiment = on_pendulum(angle_noise=1e-3)
-    x = np.random.default_rng(1).uniform(size=(6, experiment.size))
+    x = default_rng(1).uniform(size=(6, experiment.size))
     torque, start = experiment.torque_of(x), experiment.start_of(x)
     there, back = (predict_motions(experiment, s * torque, s * start) for s in (1, -1))
     assert np.allclose(there.q, -back.q, atol=1e-9)
@@ -339,7 +340,7 @@ def test_refinement_never_loses_and_the_same_seed_gives_the_same_signal():
 
 def test_half_of_the_signals_are_chirps_and_all_reach_the_limit():
     experiment = on_pendulum()
-    x = np.random.default_rng(0).uniform(size=(8, experiment.size))
+    x = default_rng(0).uniform(size=(8, experiment.size))
     x[:, 0], x[:, 1] = np.linspace(0.0, 1.0, 8), 0.4
     assert experiment.family_of(x) == [["multisine"]] * 4 + [["chirp"]] * 4
     assert np.all(np.abs(experiment.torque_of(x)).max(axis=(0, 2)) == 0.3)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares, lsq_linear
 
@@ -10,7 +11,7 @@ from frictionid.fitting.gauss_newton import Conditions, bounded, box_step, minim
 
 @pytest.mark.parametrize("N", [1, 4, 8, 12])
 def test_quadratic_problems_within_bounds_are_solved_as_scipy_does(N):
-    rng = np.random.default_rng(N)
+    rng = default_rng(N)
     A = rng.normal(size=(50, 2 * N, N)) * 10.0 ** rng.uniform(-2, 2, N)
     A[:, :, 0] = A[:, :, -1] + 1e-3 * A[:, :, 0]  # nearly the same column twice
     b = rng.normal(size=(50, 2 * N))
@@ -25,7 +26,7 @@ def test_quadratic_problems_within_bounds_are_solved_as_scipy_does(N):
 
 
 def test_columns_that_are_nearly_alike_do_not_send_the_pivots_in_circles():
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     for N in (3, 5, 8):
         A = rng.normal(size=(500, N + 1, N))
         A[:, :, 1:] += rng.uniform(0, 30, (500, 1, 1)) * A[:, :, :1]
@@ -49,7 +50,7 @@ def test_what_has_no_influence_stays_and_what_stands_beside_does_not_matter():
 
 
 def test_steps_do_not_depend_on_units():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     A, g = rng.normal(size=(20, 8, 4)), rng.normal(size=(20, 4))
     H, wide = np.swapaxes(A, 1, 2) @ A, np.full((20, 4), 0.5)
     units = 10.0 ** np.array([-6, 0, 3, 9])
@@ -84,7 +85,7 @@ class Decay:
 
 def decay_of(seed, low, high):
     """One noisy decay, and the conditions of its fit with a prior of the rate."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     y = 2.0 * np.exp(-1.3 * Decay.t) + 0.1 * rng.normal(size=30)
     ends = (np.array([end]) for end in (low, high, [0.0, 1.0], [0.0, 3.0]))
     return Decay(y), Conditions(rng.uniform(0.5, 2.0, (1, 30)), *ends, np.zeros(1))
@@ -120,7 +121,7 @@ def test_fits_that_end_sooner_are_as_alone():
 @pytest.mark.parametrize("seed", range(5))
 def test_parameters_without_room_are_as_if_they_were_not_there(seed):
     """Most of them fixed, and all nearly alike: the others are where the smaller problem is."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     J = rng.normal(size=(600, 20)) @ rng.normal(size=(20, 200)) + 0.01 * rng.normal(size=(600, 200))
     H, g = J.T @ J, J.T @ rng.normal(size=600)
     room = rng.random(200) < 0.15

@@ -8,6 +8,7 @@ from fixtures import tiny_pendulums as tiny
 from fixtures.exact_problems import everything, explained_by
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from test_sandwich import of_rows
 
@@ -27,7 +28,7 @@ from frictionid.mechanics import mechanism_of, pendulum
 FAST = 2.0  # [rad/s]
 SHORT = Settings(windows=(0.1, 0.3))
 LINE = [[0.1, 0.02]]
-START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
+START = Friction(CoulombViscous(), [[0.02, 0.002]])
 
 
 def fitted(law, problem, rows, **settings):
@@ -88,7 +89,7 @@ def test_a_prior_of_one_step_weighs_what_it_says_beside_the_scatter_of_stretches
     """Errors that last as long as some rows: mean by the precisions of both, two routes."""
     problem = explained_by(CoulombViscous(), LINE, 0.0, 3)
     count = -(-len(problem.r) // lasting)
-    noise = np.random.default_rng(4).normal(size=(count, 1)).repeat(lasting, axis=0)
+    noise = default_rng(4).normal(size=(count, 1)).repeat(lasting, axis=0)
     problem = replace(problem, r=problem.r + 0.01 * noise[: len(problem.r)])
     rows, plain = everything(problem), LeastSquares(CoulombViscous(), robust=None)
     theta = plain.fit(problem, rows, 0)[0].theta[0]
@@ -101,7 +102,7 @@ def test_a_prior_of_one_step_weighs_what_it_says_beside_the_scatter_of_stretches
 
 def test_shooting_says_what_it_holds_and_how_far_off_that_may_be():
     """Without motor torque nothing shows of the share that a gear loses of it."""
-    start = Friction(MotorLoad(), np.array([[0.02, 0.002, 0.2]]))
+    start = Friction(MotorLoad(), [[0.02, 0.002, 0.2]])
     found = refine(start, tiny.dataset(recordings=tiny.still()), (FrictionBlock(),), SHORT)
     (loss,) = (k for k, p in enumerate(found.covariance.parameters) if "loss" in p.name)
     assert found.friction.theta[0, 2] == found.covariance.values[loss] == 0.0
@@ -113,14 +114,14 @@ def test_shooting_says_what_it_holds_and_how_far_off_that_may_be():
 def test_of_two_directions_that_data_do_not_tell_one_follows_the_other():
     law = CoulombViscous(symmetric=False)
     limits = constraints_of(law, DataRange(*np.array([[0.1], [9.0], [0.2]])))
-    friction = Friction(law, np.array([[0.3, 0.1, 0.01]]), constraints=limits)
+    friction = Friction(law, [[0.3, 0.1, 0.01]], constraints=limits)
     parameters = tuple(
         Parameter("friction", name, "N m", 0.0, 0.0, place=(0, i), size=float(limits.size[0, i]))
         for i, name in enumerate(law.names)
     )
-    X = np.random.default_rng(1).normal(size=(30, 5, 3)) * [1.0, 0.0, 0.3]
+    X = default_rng(1).normal(size=(30, 5, 3)) * [1.0, 0.0, 0.3]
     H, values = np.einsum("gri,grj->gij", X, X), friction.theta[0]
-    score = np.random.default_rng(2).normal(size=(30, 3)) * [9.0, 0.0, 0.1]
+    score = default_rng(2).normal(size=(30, 3)) * [9.0, 0.0, 0.1]
     groups = Groups(H, score - score.mean(axis=0), 0 * values, values > 0, *2 * (np.arange(30),))
     cost = LocalCost(parameters, values, groups, friction, (FrictionBlock(),))
     held, _ = cost.idle((), 1.0)
@@ -131,7 +132,7 @@ def test_of_two_directions_that_data_do_not_tell_one_follows_the_other():
 
 def test_what_a_quadratic_foresees_is_what_a_fit_without_the_parameter_finds():
     """Linear rows with a bound and a prior: held parameters, minimum, groups and their scores."""
-    draw = np.random.default_rng(0)
+    draw = default_rng(0)
     X, truth = draw.normal(size=(40, 5, 4)), np.array([1.0, 0.1, -1.0, 2.0])
     y = X @ truth + draw.normal(size=(40, 5))
     kinds = ({"low": 0.0}, {"tolerance": 0.5}, {}, {})
@@ -164,7 +165,7 @@ def test_what_a_quadratic_foresees_is_what_a_fit_without_the_parameter_finds():
 
 def groups_of(seed, copies):
     """Normal equations of 12 recordings; with copies every sample counts so many times."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     A = rng.standard_normal((12, 30, 2))
     y = A @ [1.0, 0.5] + rng.standard_normal((12, 30))
     groups = of_rows(A, y, np.arange(12))
@@ -197,7 +198,7 @@ def test_a_tolerance_draws_a_wrong_mass_towards_what_was_stated():
 
 def test_the_interval_of_a_load_coefficient_holds_what_the_mass_may_be_off():
     """Ten times the mass's tolerance adds ten times as much; parameters without load ignore it."""
-    start, data = Friction(LoadDependent(), np.array([[0.01, 0.002, 0.002]])), tiny.dataset()
+    start, data = Friction(LoadDependent(), [[0.01, 0.002, 0.002]]), tiny.dataset()
     squares = {}
     for tolerance in (0.0, 0.5, 5.0):
         tolerances = {"mass": tolerance} if tolerance else {}
@@ -246,7 +247,7 @@ def test_a_fit_that_predicts_no_window_says_so(monkeypatch):
 
 
 def test_free_parameters_are_as_uncertain_beside_held_ones_as_beside_ones_with_a_prior():
-    X, size = np.random.default_rng(5).normal(size=(40, 4)), np.array([0.3, 0.8])
+    X, size = default_rng(5).normal(size=(40, 4)), np.array([0.3, 0.8])
     H = X.T @ X
     parameters = [Parameter("friction", f"p{i}", "N m", 0.5, place=(0, i)) for i in range(4)]
     free = Covariance(tuple(parameters[:2]), np.full(2, 0.5), np.linalg.inv(H[:2, :2]))

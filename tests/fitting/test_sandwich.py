@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.driven_pendulum import driven_pendulum
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import stdtrit
 
@@ -70,7 +71,7 @@ def test_stretches_scatter_where_one_recording_shows_nearly_all_of_a_parameter()
 
 @pytest.mark.parametrize("disturbed", [0.0, 0.3])
 def test_intervals_hold_the_truth_as_often_as_they_say(disturbed):
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     held = []
     for _ in range(SETS):
         groups = solved(rng, disturbed)
@@ -84,7 +85,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(disturbed):
 @pytest.mark.parametrize("recordings", [5, 20])
 def test_intervals_hold_where_few_recordings_tell_most(recordings):
     """A quarter of the recordings tells some parameter a hundred times as much as the others."""
-    rng, held = np.random.default_rng(1), []
+    rng, held = default_rng(1), []
     for _ in range(SETS):
         groups = unequal(rng, recordings, [0.3, 3.0])
         inner = sandwich(groups.H.sum(axis=0), groups)
@@ -96,7 +97,7 @@ def test_intervals_hold_where_few_recordings_tell_most(recordings):
 @pytest.mark.parametrize("largest", [1.0, 2.0])
 def test_the_variance_is_that_of_the_noise_on_average(largest):
     """However unequal the recordings: what tells much is not counted twice."""
-    rng, ratio, freedom = np.random.default_rng(3), [], []
+    rng, ratio, freedom = default_rng(3), [], []
     for _ in range(200):
         groups = unequal(rng, RECORDINGS, [1.0, largest])
         H = groups.H.sum(axis=0)
@@ -109,7 +110,7 @@ def test_the_variance_is_that_of_the_noise_on_average(largest):
 
 
 def test_clusters_in_pieces_are_those_at_once(monkeypatch):
-    groups = unequal(np.random.default_rng(4), 20, [1.0, 30.0])
+    groups = unequal(default_rng(4), 20, [1.0, 30.0])
     H = groups.H.sum(axis=0)
     whole = expected(H, groups)
     monkeypatch.setattr(module, "_AT_ONCE", 60)
@@ -117,7 +118,7 @@ def test_clusters_in_pieces_are_those_at_once(monkeypatch):
 
 
 def test_a_parameter_of_one_recording_has_no_interval_and_spoils_no_other():
-    rng = np.random.default_rng(9)
+    rng = default_rng(9)
     ratio = []
     for _ in range(100):
         groups = solved(rng, 0.0, shown=slice(0, 1))
@@ -131,7 +132,7 @@ def test_a_parameter_of_one_recording_has_no_interval_and_spoils_no_other():
 
 def test_what_a_single_of_three_recordings_shows_scatters_between_its_stretches():
     """Levels at six speeds, of which the last two are reached in the second recording alone."""
-    rng, knots = np.random.default_rng(3), np.linspace(0.0, 1.0, 6)
+    rng, knots = default_rng(3), np.linspace(0.0, 1.0, 6)
     recording = np.repeat(np.arange(3), 8)
     w = rng.uniform(0.0, np.where(recording == 1, 1.0, 0.6)[:, None], (24, 40))
     A = 1e4 * np.maximum(0.0, 1.0 - np.abs(w[..., None] - knots) / 0.2) + rng.uniform(
@@ -162,7 +163,7 @@ def hanging(friction, *weak):
 
 
 def test_a_velocity_hangs_on_its_peak_and_nothing_hangs_on_it():
-    friction = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.01]]))
+    friction = Friction(Stribeck(), [[0.1, 0.03, 1.5, 0.01]])
     assert list(Stribeck().names) == ["coulomb", "peak", "stribeck_velocity", "viscous"]
     assert hanging(friction, "peak") == {"stribeck_velocity": ("peak",)}
     assert hanging(friction, "peak", "coulomb") == {"stribeck_velocity": ("peak",)}
@@ -171,14 +172,14 @@ def test_a_velocity_hangs_on_its_peak_and_nothing_hangs_on_it():
 
 
 def test_a_doubtful_peak_leaves_no_velocity():
-    friction = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.01]]))
+    friction = Friction(Stribeck(), [[0.1, 0.03, 1.5, 0.01]])
     none, peak = np.zeros(4, dtype=bool), np.array([False, True, False, False])
     assert meaningless(friction, entries_of(friction), none, peak) == {2: (1,)}
     assert meaningless(friction, entries_of(friction), none, none) == {}
 
 
 def test_stiffness_of_a_bristle_shows_before_it_slides():
-    friction = Friction(LuGre(), np.array([[0.1, 0.03, 1.5, 0.01, 0.01, 0.1, 0.5]]))
+    friction = Friction(LuGre(), [[0.1, 0.03, 1.5, 0.01, 0.01, 0.1, 0.5]])
     assert LuGre().names[4:] == ("presliding", "damping", "damping_velocity")
     assert hanging(friction, "viscous") == {}
     assert hanging(friction, "damping", "peak") == {
@@ -188,7 +189,7 @@ def test_stiffness_of_a_bristle_shows_before_it_slides():
 
 
 def test_a_peak_that_is_not_there_leaves_no_velocity():
-    first = Friction(Stribeck(), np.array([[0.05, 0.01, 1.0, 0.01]]))
+    first = Friction(Stribeck(), [[0.05, 0.01, 1.0, 0.01]])
     found = refine(first, driven_pendulum(150), settings=Settings(windows=(0.1, 0.33)))
     covariance = found.covariance
     names = [p.name.removesuffix(" of joint 1") for p in covariance.parameters]
@@ -200,11 +201,11 @@ def test_a_peak_that_is_not_there_leaves_no_velocity():
 @pytest.mark.parametrize("peak", [0.0, 0.03])
 def test_a_velocity_at_its_bound_costs_a_joint_its_intervals_unless_its_peak_is_zero(peak):
     """Also where the peak is held there, and no parameter."""
-    friction = Friction(Stribeck(), np.array([[0.1, peak, 1.5, 0.01]]))
+    friction = Friction(Stribeck(), [[0.1, peak, 1.5, 0.01]])
     entries = entries_of(friction)
     coulomb, velocity, viscous = (entries[k] for k in (0, 2, 3))
     parameters = (coulomb, velocity._replace(high=1.5), viscous)
-    groups = solved(np.random.default_rng(0), 0.0)._replace(free=np.array([True, False, True]))
+    groups = solved(default_rng(0), 0.0)._replace(free=np.array([True, False, True]))
     values = np.array([0.1, 1.5, 0.01])
     found = grouped_covariance(parameters, values, friction, groups)
     assert np.isfinite(found.error[[0, 2]]).all() == (peak == 0.0)

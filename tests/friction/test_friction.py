@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.memory_laws import FILM, STRIBECK, Follower, Sampled
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.friction import Friction, Inputs, Nodes, along, memory_along
@@ -10,7 +11,7 @@ from frictionid.friction.laws import CoulombViscous, NoFriction
 from frictionid.friction.provenance import Estimate, Estimates
 
 NONE = Friction(NoFriction(), np.zeros((2, 0)))
-SAMPLED = Friction(Sampled(), np.array([[0.2], [0.1]]))
+SAMPLED = Friction(Sampled(), [[0.2], [0.1]])
 
 
 @pytest.fixture(params=[NONE, STRIBECK, FILM, SAMPLED], ids=lambda f: type(f.law).__name__)
@@ -35,7 +36,7 @@ def test_theta_must_fit_the_law():
 
 
 def test_an_index_picks_from_the_batch_and_keeps_the_rest():
-    theta = np.random.default_rng(3).random((5, 3, 2, 2))
+    theta = default_rng(3).random((5, 3, 2, 2))
     many = Friction(CoulombViscous(), theta, {"m1": 0.4}, {"source": "x"})
     one = many[4, 1]
     assert_array_equal(one.theta, theta[4, 1])
@@ -108,12 +109,12 @@ def loop(friction, nodes):
 
 @pytest.mark.parametrize("per_sample", [1, 2])
 def test_along_is_a_plain_loop_over_each_recording(friction, per_sample):
-    nodes = series(np.random.default_rng(6), per_sample=per_sample)
+    nodes = series(default_rng(6), per_sample=per_sample)
     assert_allclose(along(friction, nodes), loop(friction, nodes), rtol=0, atol=1e-14)
 
 
 def test_folds_along_nodes_are_each_fold_alone(friction):
-    rng = np.random.default_rng(9)
+    rng = default_rng(9)
     nodes = series(rng)
     many = Friction(friction.law, friction.theta * rng.uniform(0.5, 2.0, (4, 1, 1)))
     w = np.linspace(-3, 3, 11)
@@ -125,7 +126,7 @@ def test_folds_along_nodes_are_each_fold_alone(friction):
 
 
 def test_memory_along_keeps_recordings_side_by_side():
-    nodes = series(np.random.default_rng(11))
+    nodes = series(default_rng(11))
     memories = memory_along(FILM, nodes)
     assert len(memories) == 15 and memories[0][0].shape == (3, 2)
     for r, size in enumerate((15, 7, 11)):

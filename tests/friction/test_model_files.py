@@ -32,7 +32,7 @@ from frictionid.friction.model_files import load_model, model_document, read_mod
 
 FRICTION = Friction(
     Stribeck(0.01, "arctan"),
-    np.array([[0.1, 0.05, 1.5, 0.02], [0.2, 0.0, 0.3, 1e-17]]),
+    [[0.1, 0.05, 1.5, 0.02], [0.2, 0.0, 0.3, 1e-17]],
     {"m1": 0.5, "I1": 1e-4},
     {"by": "someone", "sizes": [1, 2], "rate": np.float64(60.0)},
 )
@@ -124,7 +124,7 @@ def test_a_file_written_by_hand_needs_no_theta_and_no_units():
 
 
 def test_a_law_outside_the_package_needs_its_class_at_hand(tmp_path):
-    friction = Friction(Foreign(0.1), np.array([[1.0, 2.0]]))
+    friction = Friction(Foreign(0.1), [[1.0, 2.0]])
     save_model(friction, tmp_path / "model.json")
     with assert_refused("law 'Foreign' is unknown"):
         load_model(tmp_path / "model.json")

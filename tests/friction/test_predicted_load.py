@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.random_robots import mechanism as robot
+from numpy.testing import assert_allclose
 
 from frictionid.arrays import times
 from frictionid.comparison.fit_model import fit_model
@@ -84,6 +85,6 @@ def test_truth_in_truth_out_by_both_methods(moved, method, tmp_path):
     table = {"urdf": str(tmp_path / "arm.urdf"), "parameters": {"rotor_shoulder": 0.1}}
     described = replace(moved, mechanism=mechanism_of(table))
     fit = fit_model(described, LeastSquares(LoadDependent()), method)
-    np.testing.assert_allclose(fit.theta[0], [COULOMB, LOAD, VISCOUS], rtol=0.02)
+    assert_allclose(fit.theta[0], [COULOMB, LOAD, VISCOUS], rtol=0.02)
     base = moved.mechanism.base({})
-    np.testing.assert_allclose(fit.calibration.base, base, atol=0.005 * np.abs(base).max())
+    assert_allclose(fit.calibration.base, base, atol=0.005 * np.abs(base).max())

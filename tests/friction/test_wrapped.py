@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
@@ -34,7 +35,7 @@ def test_a_held_memory_gives_the_same_torque_and_break_away_level(law, width):
     for name in ("torque", "limit"):
         found = getattr(still, name)(numbers, x, ())
         known = getattr(law, name)(theta, x, memory)
-        np.testing.assert_allclose(found, known, rtol=1e-12, atol=1e-15)
+        assert_allclose(found, known, rtol=1e-12, atol=1e-15)
 
 
 def test_a_motion_is_the_same_whether_or_not_the_law_knows_a_faster_one(monkeypatch):
@@ -46,5 +47,5 @@ def test_a_motion_is_the_same_whether_or_not_the_law_knows_a_faster_one(monkeypa
     fast = rollout(plant, own, begin, u, dt)
     monkeypatch.setattr(LSTM, "while_held", lambda *_: None)
     slow = rollout(plant, own, begin, u, dt)
-    np.testing.assert_allclose(fast.q, slow.q, rtol=0, atol=1e-11)
+    assert_allclose(fast.q, slow.q, rtol=0, atol=1e-11)
     assert np.ptp(slow.q[:, 0]) > 0.1

@@ -41,7 +41,7 @@ def test_the_guide_carries_the_weight():
 def test_a_sliding_carriage_stops_where_friction_says():
     """v^2 = 2 (Fc/M) s under Coulomb friction alone."""
     plant = Plant.from_parameters(linear_axis(), {"mass": 4.0})
-    friction = Friction(CoulombViscous(width=1e-3), np.array([[8.0, 0.0]]))
+    friction = Friction(CoulombViscous(width=1e-3), [[8.0, 0.0]])
     start = State(np.zeros(1), np.array([0.3]))
     motion = rollout(plant, friction, start, np.zeros((200, 1)), np.full(200, 1e-3))
     assert motion.w[-1, 0] == 0.0
@@ -61,7 +61,7 @@ def test_no_unit_of_a_prismatic_joint_turns(law):
 
 
 def test_forces_are_printed_and_kept_in_newtons(tmp_path):
-    friction = Friction(CoulombViscous(), np.array([[20.4, 203.5]]), position_units=("m",))
+    friction = Friction(CoulombViscous(), [[20.4, 203.5]], position_units=("m",))
     assert "coulomb 20.4 N, viscous 203.5 N s/m" in str(friction)
     assert friction[..., :].position_units == ("m",)
     save_model(friction, tmp_path / "model.json")

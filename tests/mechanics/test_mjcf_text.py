@@ -11,6 +11,7 @@ from fixtures.random_machines import MECHANISMS, physical, wrapped
 from fixtures.random_robots import random_robot, urdf_text
 from fixtures.refusals import assert_refused
 from fixtures.wrist import wrist
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from frictionid.arrays import solve
@@ -77,7 +78,7 @@ def accelerations(text, mechanism, q, w, u):
 
 
 def assert_same_accelerations(mechanism, parameters):
-    rng, shape = np.random.default_rng(4), (COUNT, mechanism.n)
+    rng, shape = default_rng(4), (COUNT, mechanism.n)
     q, w, u = rng.uniform(-3, 3, shape), rng.uniform(-9, 9, shape), rng.normal(size=shape)
     M, h = mechanism.dynamics(mechanism.base(mechanism.nominal(parameters)), q, w)
     ours = solve(M, h + mechanism.motors * u)
@@ -87,7 +88,7 @@ def assert_same_accelerations(mechanism, parameters):
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_built_in_mechanisms_accelerate_alike(name):
-    mechanism, rng = MECHANISMS[name], np.random.default_rng(3)
+    mechanism, rng = MECHANISMS[name], default_rng(3)
     for _ in range(3):
         drawn = {key: float(value) for key, value in physical(mechanism, rng).items()}
         assert_same_accelerations(mechanism, drawn)
@@ -100,7 +101,7 @@ def test_mechanisms_of_bodies_accelerate_alike(name):
 
 @pytest.mark.parametrize(("n", "serial"), [(1, True), (6, True), (7, False)])
 def test_robots_of_files_accelerate_alike_and_are_read_back(n, serial, tmp_path):
-    rng = np.random.default_rng(n)
+    rng = default_rng(n)
     path, copy = tmp_path / "robot.urdf", tmp_path / "robot.xml"
     path.write_text(urdf_text(random_robot(rng, n, serial, fixed=1)))
     robot = urdf(path, payload=f"link_{n}")
@@ -124,7 +125,7 @@ def test_a_motor_that_turns_with_two_joints_is_a_tendon(tmp_path):
 def test_a_free_motion_of_a_second_is_the_same(name):
     """To 1e-6 rad at steps of 2 ms, where both methods are of order 4."""
     mechanism = MECHANISMS[name]
-    drawn = {k: float(v) for k, v in physical(mechanism, np.random.default_rng(6)).items()}
+    drawn = {k: float(v) for k, v in physical(mechanism, default_rng(6)).items()}
     plant = Plant.from_parameters(mechanism, drawn)
     start, T = State(np.full(mechanism.n, 1.2), np.full(mechanism.n, -0.5)), 500
     none = Friction(NoFriction(), np.zeros((mechanism.n, 0)))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
 from fixtures.true_curves import plain_friction
+from numpy.random import default_rng
 from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear
 
@@ -49,7 +50,7 @@ def step_of(truth):
 
 def driven(truth, substeps, seconds=0.25):
     """States of four acrobots under a torque that changes 60 times a second."""
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     edges = np.arange(round(60 * seconds) + 1) / 60
     u = np.zeros((len(edges) - 1, 4, 2))
     u[..., 1] = 0.14 * np.sin(2 * np.pi * rng.uniform(0.7, 2.5, 4) * edges[:-1, None])
@@ -122,7 +123,7 @@ def test_endless_changes_within_a_step_end_in_rest(monkeypatch):
 
 def test_modes_agree_with_the_principle_of_least_constraint():
     """Friction at rest is what brings the accelerations nearest to none; no combinations needed."""
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     w = rng.normal(size=(300, 2)) * rng.integers(0, 2, (300, 2))  # half of the joints at rest
     y = np.stack([rng.uniform(-np.pi, np.pi, (300, 2)), w, rng.uniform(0, 3, (300, 2))])
     u = rng.normal(size=(300, 2)) * 0.3
@@ -154,7 +155,7 @@ def test_a_loaded_joint_slips_at_the_level_of_its_load():
     )
     machine, own = pendulum(), {"mass": 0.5, "length": 0.3}
     here = TrueSystem(machine, machine.base(own), truth, own)
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     q, w, u = rng.uniform(-2, 2, (3, 200, 1))
     inertia, gravity = here.p
     a = (u - gravity * np.sin(q)) / inertia  # free of friction: what presses the bearing
@@ -173,7 +174,7 @@ def test_a_loaded_joint_slips_at_the_level_of_its_load():
 
 @each_truth
 def test_energy_falls_without_input(truth):
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     q, w = rng.uniform(-1.5, 1.5, (3, 2)), rng.normal(size=(3, 2)) * (2.0, 5.0)
     here = system(truth)
     u, edges = np.zeros((180, 3, 2)), np.arange(181) / 60
@@ -203,7 +204,7 @@ def test_the_mirrored_rig_moves_mirrored(truth):
 
 
 def test_a_batch_equals_its_recordings_alone():
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     q, u = rng.uniform(-2, 2, (4, 2)), rng.normal(size=(15, 4, 2)) * (0.0, 0.1)
     edges = np.arange(16) / 60
     for truth in TRUTHS.values():

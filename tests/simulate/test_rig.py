@@ -14,6 +14,7 @@ from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed
 from fixtures.true_curves import plain_friction
+from numpy.random import default_rng
 
 from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
@@ -146,14 +147,14 @@ def test_what_the_rig_does_not_tell_is_in_the_truth(small):
 )
 def test_commands_reach_their_amplitude_and_stay_within(command):
     time = np.arange(600) / 60
-    wave = command.values(time, np.random.default_rng(1))
+    wave = command.values(time, default_rng(1))
     assert wave.shape == time.shape
     assert 0.09 < np.abs(wave).max() <= 0.1 + 1e-15
     assert wave.min() < -0.03 < 0.03 < wave.max()
 
 
 def test_frequencies_are_those_asked_for():
-    time, rng = np.arange(6000) / 60, np.random.default_rng(0)
+    time, rng = np.arange(6000) / 60, default_rng(0)
     frequency = np.fft.rfftfreq(6000, 1 / 60)
 
     def power(wave):
@@ -172,7 +173,7 @@ def test_frequencies_are_those_asked_for():
 
 
 def test_a_table_plays_what_suggest_writes_sample_for_sample_then_nothing(tmp_path):
-    wave = np.round(0.1 * np.random.default_rng(0).standard_normal(91), DECIMALS)
+    wave = np.round(0.1 * default_rng(0).standard_normal(91), DECIMALS)
     frame = pd.DataFrame({"time": np.arange(91) / 60, "u2": wave})
     (tmp_path / "signal.csv").write_text(csv_of(frame))
     document = copy.deepcopy(DOCUMENT) | {"camera": {"samples": 121}}

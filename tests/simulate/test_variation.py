@@ -4,11 +4,11 @@ import re
 import tomllib
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_refused
 from fixtures.true_curves import plain_friction
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.simulate import (
@@ -35,16 +35,14 @@ def test_each_recording_moves_as_a_rig_with_its_own_friction():
     plain = simulate(RIG)
     worn = simulate(replace(RIG, friction=plain_friction(0.03, 0.001)))
     for own, other in zip(varied.recordings, (plain, worn, worn), strict=True):
-        np.testing.assert_allclose(
-            own.truth.angle.value, other[own.name].truth.angle.value, atol=1e-12
-        )
+        assert_allclose(own.truth.angle.value, other[own.name].truth.angle.value, atol=1e-12)
 
 
 def test_wear_and_temperature_reach_what_they_say():
     variation = Variation(temperature=(20.0, 30.0, 25.0), per_kelvin=-0.01, wear=(0.4,))
     every, levels = variation.factors(("a", "b", "c"), 1, 0)
-    np.testing.assert_allclose(every[:, 0], (1.0, 0.9, 0.95))
-    np.testing.assert_allclose(levels[:, 0], (1.0, 1.2, 1.4))
+    assert_allclose(every[:, 0], (1.0, 0.9, 0.95))
+    assert_allclose(levels[:, 0], (1.0, 1.2, 1.4))
 
 
 def test_scatter_has_its_size_and_belongs_to_the_recording():
@@ -52,7 +50,7 @@ def test_scatter_has_its_size_and_belongs_to_the_recording():
     every, _ = Variation(scatter=0.03).factors(names, 2, 5)
     assert every.std(axis=0) == pytest.approx(0.03, rel=0.05)
     again, _ = Variation(scatter=0.03).factors(names[7:9], 2, 5)
-    np.testing.assert_array_equal(again, every[7:9])
+    assert_array_equal(again, every[7:9])
 
 
 def test_the_temperature_is_a_column_of_the_data(tmp_path):

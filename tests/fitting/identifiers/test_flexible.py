@@ -43,7 +43,7 @@ def test_it_is_least_squares_by_another_route(law):
 def test_a_curve_does_not_drive():
     """A level below zero counts as zero, and then the law is no longer linear."""
     law = Spline((1.0, 4.0), 1)
-    problem = explained_by(law, np.array([[0.1, -0.15]]))
+    problem = explained_by(law, [[0.1, -0.15]])
     found = LeastSquares(law).fit(problem, everything(problem), 0)
     assert (found[0].curve(np.array([3.0, 5.0]))[:, 0] >= 0).all()
 
@@ -76,7 +76,7 @@ def test_clusters_are_recordings_where_there_are_enough_and_else_stretches():
 
 def test_a_table_is_straight_between_its_speeds_and_level_beyond():
     law = Table((1.0, 2.0, 4.0))
-    friction = Friction(law, np.array([[0.3, 0.1, 0.2, 0.5, 0.5, 0.5]]))
+    friction = Friction(law, [[0.3, 0.1, 0.2, 0.5, 0.5, 0.5]])
     w = np.array([0.3, 1.0, 1.5, 2.0, 3.0, 4.0, 40.0])
     assert_allclose(friction.curve(w)[:, 0], [0.3, 0.3, 0.2, 0.1, 0.15, 0.2, 0.2])
     assert_allclose(friction.curve(-w)[:, 0], -0.5)

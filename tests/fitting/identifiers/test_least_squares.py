@@ -19,6 +19,7 @@ from fixtures.exact_problems import (
 from fixtures.memory_laws import Sampled
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from threadpoolctl import threadpool_limits
 
@@ -216,7 +217,7 @@ def test_ten_folds_of_8575_samples_take_less_than_a_second(clean, recipe, law):
 
 @pytest.mark.parametrize("alike", [True, False], ids=["whole recordings", "weights of each row"])
 def test_sums_of_rows_make_up_the_weights_of_each_fold(alike):
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     held = np.arange(60) // 15 == np.arange(4)[:, None]
     weights = np.where(held, 0.0, rng.uniform(1.0, 2.0, (4, 1 if alike else 60)))
     total, count = 0.0 * weights, 0
@@ -281,7 +282,7 @@ def spoilt(problem, rng, share=0.05, size=1.0):
 
 
 def test_a_robust_fit_sees_through_rows_that_are_wrong():
-    rng, noise = np.random.default_rng(5), 1e-3
+    rng, noise = default_rng(5), 1e-3
     problem = explained_by(Stribeck(), STRIBECK, noise, rng)
     error = standard_errors(Stribeck(), STRIBECK, problem, noise)
     wrong = spoilt(problem, rng)
@@ -294,7 +295,7 @@ def test_a_robust_fit_sees_through_rows_that_are_wrong():
 
 
 def test_rows_keep_a_share_by_their_worst_joint_in_weighted_standard_deviations():
-    residual = np.random.default_rng(7).normal(size=(2, 4000, 2)) * [1.0, 5.0]
+    residual = default_rng(7).normal(size=(2, 4000, 2)) * [1.0, 5.0]
     kept = huber_factors(residual, np.ones((2, 4000)), clip=3.0)
     worst = np.max(np.abs(residual) / [1.0, 5.0], axis=-1)
     assert_allclose(kept, np.minimum(1.0, 3.0 / worst), rtol=0.05)
@@ -309,7 +310,7 @@ def test_rows_keep_a_share_by_their_worst_joint_in_weighted_standard_deviations(
 
 
 def test_joints_that_rest_most_of_the_time_do_not_shrink_the_deviation():
-    residual = np.random.default_rng(8).normal(size=(1, 100, 1))
+    residual = default_rng(8).normal(size=(1, 100, 1))
     still = np.concatenate([residual, np.zeros((1, 400, 1))], axis=1)
     kept = huber_factors(still, np.ones((1, 500)), 2.0)
     assert_array_equal(kept[:, :100], huber_factors(residual, np.ones((1, 100)), 2.0))

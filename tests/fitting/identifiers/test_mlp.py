@@ -13,6 +13,7 @@ from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.learned_laws import assert_slopes_in_memory, costs_of_rows, drawn
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from own_network import OwnLaw, own_network
 
@@ -116,7 +117,7 @@ def test_a_wider_prior_costs_less_in_training():
 
 
 def test_freedom_that_tells_nothing_is_rarely_taken():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     problem = explained_by(Stribeck(symmetric=False), TRUTH[:1], 0.1, rng)
 
     def fitted(deviations, seed):
@@ -186,7 +187,7 @@ def test_windows_keep_to_the_contract_of_laws(odd, presliding):
 @pytest.mark.parametrize("odd", [False, True])
 @pytest.mark.parametrize("presliding", [0.0, 0.01])
 def test_its_slopes_are_those_of_differences(odd, presliding):
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     law = WindowMLP(3, hidden=(4, 3), odd=odd, dissipative=odd, presliding=presliding)
     theta = drawn(law)[0]
     x = Inputs(*(3.0 * rng.normal(size=(6, 2)) for _ in range(4)))
@@ -279,7 +280,7 @@ def test_batches_of_a_fold_go_through_all_its_rows_and_do_not_depend_on_the_othe
 
 
 def test_its_steps_are_those_of_pytorchs_own():
-    theta = torch.tensor(np.random.default_rng(0).normal(size=(2, 1, 3)), requires_grad=True)
+    theta = torch.tensor(default_rng(0).normal(size=(2, 1, 3)), requires_grad=True)
     theirs = theta.detach().clone().requires_grad_()
     learned = torch.ones(3, dtype=torch.bool)
     ours, other = Adam(theta, learned), torch.optim.Adam([theirs], 0.05, betas=(0.9, 0.99))

@@ -8,6 +8,7 @@ import pytest
 from fixtures.memory_laws import FILM as LAG
 from fixtures.memory_laws import STRIBECK as SHARP
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
@@ -38,7 +39,7 @@ from frictionid.simulate import Stribeck as TrueStribeck
 
 MACHINE = double_pendulum()
 PROBLEMS = {name: partial(one_step_problem, name) for name in ("euler", "integral")}
-SMOOTH = Friction(CoulombViscous(width=4.0), np.array([[0.1, 0.02], [0.05, 0.01]]))
+SMOOTH = Friction(CoulombViscous(width=4.0), [[0.1, 0.02], [0.05, 0.01]])
 
 
 def plants(count, **parameters):
@@ -54,6 +55,7 @@ def build(request):
 
 def made_up(rng, length=30, torque_length=200):
     """A recording and states that obey nothing: laws of algebra hold for them as well."""
+    rng = default_rng(rng)
     time = np.cumsum(rng.uniform(0.005, 0.03, length))
     clock = np.linspace(-0.02, time[-1] + 0.02, torque_length)  # another clock
     torque = Signal(clock, rng.normal(size=(torque_length, 2)), "previous")
@@ -67,7 +69,7 @@ def made_up(rng, length=30, torque_length=200):
 def true_motion(dt, duration=0.6):
     """Recording and exact states of a motion under a torque with corners every 0.1 s."""
     knots = np.arange(0, duration + 0.05, 0.1)
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     torque = Signal(knots, 0.4 * rng.normal(size=(len(knots), 2)), "linear")
     plant = Plant.from_parameters(MACHINE, {})
 
@@ -106,7 +108,7 @@ def test_the_residual_of_the_true_friction_vanishes_with_the_order_of_the_rule(n
 
 
 def test_the_euler_residual_is_the_prediction_of_an_euler_step_minus_the_measurement():
-    recording, states = made_up(np.random.default_rng(2))
+    recording, states = made_up(2)
     problem = PROBLEMS["euler"](plants(1), [recording], [states])
     begin = State(states.q[:-1], states.w[:-1])
     dt = np.diff(states.time)[:, None]
@@ -117,7 +119,7 @@ def test_the_euler_residual_is_the_prediction_of_an_euler_step_minus_the_measure
 
 
 def test_the_integral_residual_is_the_momentum_balance():
-    recording, states = made_up(np.random.default_rng(4))
+    recording, states = made_up(4)
     plant = plants(1)[0]
     problem = PROBLEMS["integral"](plants(1), [recording], [states])
     residual = problem.residual(along(SHARP, problem.nodes))
@@ -135,7 +137,7 @@ def test_the_integral_residual_is_the_momentum_balance():
 
 
 def test_joints_without_motor_feel_no_torque(build):
-    recording, states = made_up(np.random.default_rng(5))
+    recording, states = made_up(5)
     plant = Plant.from_parameters(acrobot(), {"m4": np.zeros(1)})
     value = recording.torque.value * [100.0, 1.0]
     loud = Recording("r", recording.angle, recording.torque._replace(value=value))
@@ -147,14 +149,14 @@ def test_joints_without_motor_feel_no_torque(build):
 
 
 def test_G_is_what_an_impulse_of_friction_does(build):
-    recording, states = made_up(np.random.default_rng(9))
+    recording, states = made_up(9)
     problem = build(plants(1), [recording], [states])
     at = states.q[:-1] if build is PROBLEMS["euler"] else states.q[1:]
     M = plants(1)[0].mechanism.inertia(plants(1).p[0], at)
     dt = np.diff(states.time)
     assert_allclose(problem.G, inverse(M) * dt[:, None, None], rtol=1e-12)
     assert_array_equal(problem.dt, dt)
-    torque = np.random.default_rng(7).normal(size=problem.nodes.inputs.w.shape)
+    torque = default_rng(7).normal(size=problem.nodes.inputs.w.shape)
     change = times(problem.G, problem.mean(torque))
     assert_allclose(problem.r - problem.residual(torque), change, atol=1e-12)
 
@@ -162,13 +164,14 @@ def test_G_is_what_an_impulse_of_friction_does(build):
 # ---------------------------------------------------------------- recordings, history, clocks
 
 
-def three(rng):
+def three(seed):
+    rng = default_rng(seed)
     pairs = [made_up(rng, length) for length in (12, 25, 18)]
     return [list(column) for column in zip(*pairs, strict=True)]
 
 
 def test_several_recordings_are_each_alone_with_its_own_parameters(build):
-    recordings, states = three(np.random.default_rng(10))
+    recordings, states = three(10)
     plant = plants(3, m2=np.array([0.3, 0.5, 0.6]))
     together = build(plant, recordings, states)
     residual = together.residual(along(LAG, together.nodes))
@@ -184,7 +187,7 @@ def test_several_recordings_are_each_alone_with_its_own_parameters(build):
 
 
 def test_history_drops_the_first_rows_of_each_recording_and_nothing_else(build):
-    recordings, states = three(np.random.default_rng(11))
+    recordings, states = three(11)
     whole, late = (build(plants(3), recordings, states, history=h) for h in (0, 5))
     first = np.concatenate([s.time[:5] for s in states])
     keep = ~np.isin(whole.time, first)
@@ -197,7 +200,7 @@ def test_history_drops_the_first_rows_of_each_recording_and_nothing_else(build):
 
 
 def test_recordings_shorter_than_the_history_give_no_rows_and_none_at_all_is_an_error(build):
-    recordings, states = three(np.random.default_rng(12))
+    recordings, states = three(12)
     problem = build(plants(3), recordings, states, history=17)
     assert set(problem.recording) == {1}
     with assert_refused("no recording is longer than the 24 samples of history"):
@@ -205,7 +208,7 @@ def test_recordings_shorter_than_the_history_give_no_rows_and_none_at_all_is_an_
 
 
 def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
-    recordings, states = three(np.random.default_rng(15))
+    recordings, states = three(15)
     whole = build(plants(3), recordings, states)
     s = states[1]
     lost = slice(8, 16)  # of 25 samples
@@ -217,7 +220,7 @@ def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
 
 
 def test_nodes_are_in_order_and_rows_find_theirs():
-    recordings, states = three(np.random.default_rng(13))
+    recordings, states = three(13)
     problem = PROBLEMS["integral"](plants(3), recordings, states, history=2)
     nodes = problem.nodes
     assert_array_equal(np.diff(nodes.first), [23, 49, 35])
@@ -239,7 +242,7 @@ def test_nodes_are_in_order_and_rows_find_theirs():
 
 
 def test_laws_see_torque_and_bearing_load_at_their_nodes():
-    recording, states = made_up(np.random.default_rng(16))
+    recording, states = made_up(16)
     plant = plants(1)[0]
     nodes = PROBLEMS["integral"](plants(1), [recording], [states]).nodes
     assert_array_equal(nodes.inputs.u[1::2], averages(recording.torque, states.time))
@@ -252,6 +255,7 @@ def test_laws_see_torque_and_bearing_load_at_their_nodes():
 
 def slow(rng, build):
     """A problem in which joints now and then are slow or reverse."""
+    rng = default_rng(rng)
     recording, states = made_up(rng, 60)
     w = 1.0 + rng.random(states.w.shape)
     w *= rng.choice([1.0, 1.0, 1.0, 0.01, -1.0], states.w.shape)
@@ -260,7 +264,7 @@ def slow(rng, build):
 
 
 def test_the_stiction_mask_marks_joints_that_are_slow_at_a_node_or_reverse(build):
-    problem = slow(np.random.default_rng(17), build)
+    problem = slow(17, build)
     mask = stiction_mask(problem, 0.2)
     for k, nodes in enumerate(problem.stencil):
         for j, w in enumerate(problem.nodes.inputs.w[nodes].T):
@@ -269,7 +273,7 @@ def test_the_stiction_mask_marks_joints_that_are_slow_at_a_node_or_reverse(build
 
 def test_a_slow_recording_slides_unless_joints_move_in_turn():
     """Beside a fast one it has the mask that it has alone; for torques it is at rest."""
-    recording, states = made_up(np.random.default_rng(17), 60)
+    recording, states = made_up(17, 60)
     fast = states._replace(q=states.time[:, None] + np.zeros(2), w=1.0 + 0.5 * np.sin(states.q))
     crawl = fast._replace(w=1e-4 * fast.w, q=1e-4 * fast.q)
     build = PROBLEMS["integral"]
@@ -282,7 +286,7 @@ def test_a_slow_recording_slides_unless_joints_move_in_turn():
 
 def test_a_masked_residual_is_the_least_that_any_friction_of_masked_joints_leaves(build):
     """So it depends on the friction of the other joints alone, and on all of it where none is."""
-    rng = np.random.default_rng(18)
+    rng = default_rng(18)
     problem = slow(rng, build)
     masked, mask = mask_stiction(problem, 0.2), stiction_mask(problem, 0.2)
     assert set(mask.sum(axis=1)) == {0, 1, 2}
@@ -316,7 +320,7 @@ def with_wild_torques(data, share, size, rng):
 def test_torques_that_the_motion_denies_are_replaced_by_their_neighbours(clean, share, hold):
     held = tuple(replace(r, torque=r.torque._replace(hold=hold)) for r in clean.recordings)
     data = replace(clean, recordings=held)
-    wild, masks = with_wild_torques(data, share, 1.0, np.random.default_rng(0))
+    wild, masks = with_wild_torques(data, share, 1.0, default_rng(0))
     found = torque_outliers(wild, plant_of(wild), states_of(wild))
     missed = sum((a & ~b).sum() for a, b in zip(masks, found, strict=True))
     assert missed <= 0.1 * sum(a.sum() for a in masks)
@@ -347,7 +351,7 @@ def test_short_pulses_that_acted_stay():
     )
     data = simulate(rig)
     recording = data.recordings[0]
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     wild = rng.random(recording.torque.value.shape) < 0.05
     pulses = recording.torque.value + 6.0 * wild * rng.choice([-1.0, 1.0], wild.shape)
     struck = replace(recording, torque=recording.torque._replace(value=pulses))
@@ -363,9 +367,9 @@ def test_short_pulses_that_acted_stay():
 def moved_by(recording, data):
     """The recording with the motion under its own torque and viscous friction, and angle noise."""
     time, torque = recording.angle.time, recording.torque
-    viscous = Friction(CoulombViscous(), np.array([[0.0, 0.3]]))
+    viscous = Friction(CoulombViscous(), [[0.0, 0.3]])
     start = State(recording.angle.value[0], np.zeros(1))
     q = rollout(plant_of(data)[0], viscous, start, torque.value[: len(time) - 1], np.diff(time)).q
-    noise = 1e-3 * np.random.default_rng(2).normal(size=q.shape)
+    noise = 1e-3 * default_rng(2).normal(size=q.shape)
     held = torque._replace(hold="previous")
     return replace(recording, angle=Signal(time, q + noise), torque=held, truth=None)

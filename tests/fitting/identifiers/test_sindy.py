@@ -10,6 +10,7 @@ from fixtures.driven_pendulum import driven_pendulum
 from fixtures.exact_problems import COULOMB, cost, everything, explained_by, half_widths
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from pysindy import FourierLibrary, PolynomialLibrary
 
@@ -129,7 +130,7 @@ def test_on_its_active_set_it_is_least_squares():
     problem = explained_by(Stribeck(), STRIBECK, 1e-3)
     weights = synthetic_weights(problem)
     found = fit(problem, weights)
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     for _ in range(5):
         off = found.theta * (1 + 1e-3 * rng.standard_normal(found.theta.shape))
         assert (cost(problem, weights, Friction(LAW, off)) >= cost(problem, weights, found)).all()
@@ -162,8 +163,8 @@ def test_the_law_keeps_to_the_contract_with_all_candidates():
     check_law(replace(EVERYTHING, direction=False, harmonics=()))
     check_law(EVERYTHING, level=False)
     narrow = replace(EVERYTHING, width=1e-9)
-    theta = np.abs(np.random.default_rng(0).standard_normal((2, len(narrow.names))))
-    x = Inputs(*np.random.default_rng(1).uniform(0, 1, (4, 9, 2)))
+    theta = np.abs(default_rng(0).standard_normal((2, len(narrow.names))))
+    x = Inputs(*default_rng(1).uniform(0, 1, (4, 9, 2)))
     for side in (1.0, -1.0):  # nothing but `other`, which is no level, sees the other joint
         near = at_rest(side * 1e-6 + 0 * x.w)._replace(q=x.q, load=x.load)
         level = side * narrow.torque(theta, near, ())
@@ -236,7 +237,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say():
 
 def test_a_fold_that_trains_on_noise_alone_has_no_friction():
     problem = synthetic_problem(2)
-    noise = np.random.default_rng(0).standard_normal(problem.r.shape)
+    noise = default_rng(0).standard_normal(problem.r.shape)
     found = fit(replace(problem, r=noise))
     assert (found.theta[0] != 0).sum() <= 2
     assert along(found, problem.nodes).shape == (1, *problem.nodes.inputs.w.shape)
@@ -309,7 +310,7 @@ def test_held_out_costs_are_those_of_fits_to_the_other_clusters():
 
 
 def test_active_sets_have_one_of_a_family_and_nothing_that_drives():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     a = rng.standard_normal((50, 4))
     a[:, 3] = a[:, 0] - a[:, 2]
     T = a.T @ a

@@ -16,6 +16,7 @@ from fixtures.exact_problems import (
     stationarity,
     with_initial,
 )
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.arrays import times
@@ -70,7 +71,7 @@ def test_each_fold_is_scipys_least_squares(law):
 @BOTH
 @pytest.mark.parametrize("seed", range(6))
 def test_bounds_hold_and_at_them_the_gradient_points_outwards(law, seed):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     theta = TRUTH[law] * rng.uniform(-0.5, 1.0, TRUTH[law].shape)  # half of it outside the bounds
     theta[:, law.names.index("stribeck_velocity")] = rng.uniform(0.2, 20.0, 2)
     problem = explained_by(law, theta, 1e-3, rng)
@@ -85,7 +86,7 @@ def test_bounds_hold_and_at_them_the_gradient_points_outwards(law, seed):
 
 
 def test_coulomb_viscous_in_stribeck_in_asymmetric_each_costs_no_more_than_the_last():
-    rng = np.random.default_rng(9)
+    rng = default_rng(9)
     for seed in range(6):
         theta = TRUTH[ASYMMETRIC] * rng.uniform(0.0, 2.0, (2, 6))
         theta[:, 4] = rng.uniform(0.4, 15.0, 2)
@@ -125,9 +126,9 @@ def test_a_level_of_an_arctangent_is_its_level_at_high_speed():
 @pytest.mark.parametrize("joints", [1, 2])
 def test_stretches_change_no_number(law, joints, monkeypatch):
     problem = synthetic_problem(joints)
-    weights = np.random.default_rng(0).uniform(0, 1, (3, len(problem.r)))
+    weights = default_rng(0).uniform(0, 1, (3, len(problem.r)))
     fit = Linearised.within(law, problem, weights, ({}, {}, ()))
-    theta = np.random.default_rng(1).uniform(0.1, 1.0, (3, joints * len(law.names)))
+    theta = default_rng(1).uniform(0.1, 1.0, (3, joints * len(law.names)))
     whole = fit.normal_equations(theta, fit.residual(theta), weights)
     monkeypatch.setattr(linearised, "_ROWS", 37)
     # of a law with memory whole recordings: here three
@@ -140,7 +141,7 @@ def test_stretches_change_no_number(law, joints, monkeypatch):
 @pytest.mark.parametrize("robust", [None, 3.0])
 def test_many_rows_are_fitted_as_without_beginning_with_some(robust, monkeypatch):
     problem = synthetic_problem(2, noise=0.03)
-    weights = np.random.default_rng(0).uniform(0.5, 1, (3, len(problem.r)))
+    weights = default_rng(0).uniform(0.5, 1, (3, len(problem.r)))
     identifier = LeastSquares(CoulombViscous(), robust=robust)
     whole = identifier.fit(problem, weights, seed=0)
     looks = []

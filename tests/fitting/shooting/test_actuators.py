@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
 from fixtures.servo_logs import by_controller, by_torque
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset, Recording
@@ -391,6 +392,6 @@ def test_rotors_that_a_legs_file_lacks_are_found_also_where_bodies_have_them(tmp
     assert verdict.level == "good" and "missing_rotors" in found
     fit = fid.fit(data, "coulomb_viscous")
     added = fit.calibration.base - rig.nominal_base
-    np.testing.assert_allclose(added[added != 0], ROTORS, rtol=0.03)
-    np.testing.assert_allclose(fit.friction.theta, np.array([LEVELS, SLOPES]).T, rtol=0.05)
+    assert_allclose(added[added != 0], ROTORS, rtol=0.03)
+    assert_allclose(fit.friction.theta, np.array([LEVELS, SLOPES]).T, rtol=0.05)
     assert fit.calibration.target_delay == pytest.approx(0.01, abs=2e-4)

@@ -131,7 +131,7 @@ def test_a_suite_names_the_model_file_from_its_folder(tmp_path):
 
 # --- Blocks that show nothing ---------------------------------------------------------------------
 
-START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
+START = Friction(CoulombViscous(), [[0.02, 0.002]])
 BRIEF = Settings(windows=(0.1, 0.3))
 
 

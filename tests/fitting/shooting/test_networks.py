@@ -10,6 +10,7 @@ from fixtures.changed_data import changed
 from fixtures.learned_laws import Recurrent, Static
 from fixtures.memory_laws import Sampled
 from fixtures.true_curves import curve_errors
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.dynamics.law_derivatives import TensorLaw
@@ -58,7 +59,7 @@ def inputs_of(rng, count=5, n=2):
 @pytest.mark.parametrize("samples", [1, 4])
 @pytest.mark.parametrize("law", [Static(), Recurrent()], ids=str)
 def test_slopes_in_reverse_mode_are_those_of_differences(law, samples):
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     theta = rng.normal(size=(2, len(law.names)))
     own = TensorLaw(law, law.width, law.shape, torch.zeros(1, dtype=torch.float64))
     path, dt = [inputs_of(rng) for _ in range(samples)], np.full((5, 1), 1 / 60)
@@ -81,7 +82,7 @@ def test_predictions_change_with_combinations_start_and_memory_as_their_slopes_s
     intervals = intervals_of(swings())
     # slopes are those in the middle of a substep, in which bristles bend by much of their way
     close = 2e-2 if law == WAY else 1e-2
-    theta = np.random.default_rng(1).normal(size=(1, len(law.names)))
+    theta = default_rng(1).normal(size=(1, len(law.names)))
     theta[:, :2] = np.where(
         np.isfinite(law.bounds[:2]).any(axis=1), law.initial[0][:2], theta[:, :2]
     )
@@ -166,7 +167,7 @@ def test_a_recurrent_law_predicts_better_motions_that_it_never_saw():
     others = ((1.8, 0.0, 0.0, 0, 0), (0.5, 0.0, 0.7, 0.5, 1.5))
     reads, unseen = swings(lag), swings(lag, others, 2)
     law = Recurrent()
-    first = Friction(law, np.random.default_rng(0).normal(size=(1, 25)))
+    first = Friction(law, default_rng(0).normal(size=(1, 25)))
     found = refine(first, reads, (FrictionBlock(),), SHORT).friction
     assert forecast(found, unseen) < 0.3 * forecast(first, unseen)
 
@@ -215,7 +216,7 @@ LAWS = [MLP(), MLP(odd=True), MLP(dissipative=False, monotone_tail=False)]
 def mlp_drawn(law, n=1, seed=0):
     """A network that is mlp_drawn, of the size of the friction of the swings."""
     sizes = np.tile([0.06, 9.0], (n, 1))
-    return Friction(law, law.initial_parameters(sizes, np.random.default_rng(seed)))
+    return Friction(law, law.initial_parameters(sizes, default_rng(seed)))
 
 
 def nothing(friction):
@@ -236,7 +237,7 @@ def test_a_curve_has_the_torque_and_the_break_away_level_of_its_network(law):
 
 def test_changes_of_weights_are_those_of_the_coefficients():
     network = mlp_drawn(MLP())
-    change = 1e-6 * np.random.default_rng(1).normal(size=(*network.theta.shape, 3))
+    change = 1e-6 * default_rng(1).normal(size=(*network.theta.shape, 3))
     change[:, :2] = 0.0  # scales
     curve, coefficients = curve_of(network, change)
     for k in range(3):
@@ -248,7 +249,7 @@ def test_changes_of_weights_are_those_of_the_coefficients():
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_weights_are_found_for_a_curve_of_other_weights(law):
     network = mlp_drawn(law, 2)
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     theta = network.theta + 0.1 * rng.normal(size=network.theta.shape)
     theta[:, :2] = network.theta[:, :2]
     other = replace(network, theta=theta)

@@ -9,6 +9,7 @@ from fixtures.driven_pendulum import LEVEL, VISCOUS, driven_pendulum
 from fixtures.refusals import assert_refused
 from fixtures.slopes import assert_slopes
 from fixtures.wrist import motion, wrist
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.calibration import Calibration
@@ -34,7 +35,7 @@ from frictionid.simulate import Camera, Curve, Noise, Run, Stribeck, simulate
 from frictionid.simulate import Rig as Simulated
 
 TRUE = np.array([[LEVEL, VISCOUS]])
-BEGIN = Friction(CoulombViscous(), np.array([[0.03, 0.001]]))
+BEGIN = Friction(CoulombViscous(), [[0.03, 0.001]])
 SHORT = Settings(windows=(0.1, 0.33))
 
 
@@ -79,9 +80,7 @@ def test_derivatives_of_all_blocks_are_those_of_central_differences():
 
 def test_derivatives_by_fewer_parameters_are_those_of_a_problem_of_their_own():
     """The compiled step is that of the wider problem, and not compiled again."""
-    friction = Friction(
-        StribeckLaw(), np.array([[0.16, 0.02, 6.0, 0.004], [0.05, 0.02, 8.0, 0.001]])
-    )
+    friction = Friction(StribeckLaw(), [[0.16, 0.02, 6.0, 0.004], [0.05, 0.02, 8.0, 0.001]])
     intervals = intervals_of(acrobot())
     wide = FrictionBlock(), InertiaBlock(), DelayBlock()
     few = FrictionBlock(fixed=("peak",)), InertiaBlock(fixed=("inertia_12",)), DelayBlock()
@@ -125,7 +124,7 @@ def test_a_tighter_tolerance_goes_on_and_moves_nothing_by_more_than_the_looser_o
 def test_a_stretch_that_nothing_explains_is_named_and_moves_nothing(healthy):
     whole = refine(BEGIN, healthy, (FrictionBlock(), InertiaBlock()), SHORT)
     value = healthy.recordings[2].angle.value[60:70, 0]
-    value = value + 0.3 * np.random.default_rng(0).normal(size=10)
+    value = value + 0.3 * default_rng(0).normal(size=10)
     data = one_changed(healthy, "angle", 2, 0, slice(60, 70), value)
     found = refine(BEGIN, data, (FrictionBlock(), InertiaBlock()), SHORT)
     off = np.abs(found.covariance.values - whole.covariance.values)
@@ -160,7 +159,7 @@ def test_what_no_data_can_tell_apart_is_refused_with_a_way_out(healthy):
             refine(BEGIN, data, blocks, SHORT)
 
 
-NOISE = np.random.default_rng(1).normal(size=(150, 1))
+NOISE = default_rng(1).normal(size=(150, 1))
 
 
 @pytest.mark.parametrize(
@@ -219,14 +218,14 @@ def test_healthy_data_are_not_doubted(healthy):
 
 
 TRUE_WRIST = np.array([[0.25, 0.05], [0.06, 0.02], [0.12, 0.03]])  # of bend, turn and motor
-BEGIN_WRIST = Friction(CoulombViscous(), np.array([[0.15, 0.02], [0.1, 0.01], [0.2, 0.01]]))
+BEGIN_WRIST = Friction(CoulombViscous(), [[0.15, 0.02], [0.1, 0.01], [0.2, 0.01]])
 DT, WRIST_NOISE = 0.01, 1e-4
 
 
 @pytest.fixture(scope="module")
 def wrist_data(tmp_path_factory):
     """Two recordings of a second at 100 Hz, in which all three parts come to rest at times."""
-    rng, t = np.random.default_rng(0), DT * np.arange(101)
+    rng, t = default_rng(0), DT * np.arange(101)
     recordings = []
     for k in range(2):
         u = np.stack(
@@ -247,7 +246,7 @@ def test_friction_of_all_parts_comes_out(wrist_data):
 
 @pytest.mark.parametrize("law", [CoulombViscous(), LoadDependent()])
 def test_derivatives_of_parts_are_those_of_central_differences(wrist_data, law):
-    theta = np.abs(np.random.default_rng(0).normal(size=(3, len(law.names)))) * 0.1
+    theta = np.abs(default_rng(0).normal(size=(3, len(law.names)))) * 0.1
     blocks = (FrictionBlock(), InertiaBlock(prior=0.3), DelayBlock())
     intervals = intervals_of(wrist_data)
     calibration = replace(Calibration.ideal(2), delay=np.asarray(0.003))  # at 0 it has a kink

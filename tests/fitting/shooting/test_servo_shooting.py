@@ -119,7 +119,7 @@ def both():
     return believed([*driven(), *dropped()], 1.1 * KT, 0.9 * R)
 
 
-START = Friction(CoulombViscous(), np.array([[0.02, 0.006]]))
+START = Friction(CoulombViscous(), [[0.02, 0.006]])
 
 
 @pytest.fixture(scope="module")

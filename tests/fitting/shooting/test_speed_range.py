@@ -77,7 +77,7 @@ def test_a_narrow_peak_is_fitted_even_where_the_fit_begins_without_it():
     """At a peak of zero its velocity has no trace, and a far one would keep the peak at zero."""
     data = recorded(PENDULUM, (0.06, 0.03, 0.2, 0.01), (0.5,), 1e-4)
     ends = [
-        refine(Friction(Stribeck(), np.array([theta])), data)
+        refine(Friction(Stribeck(), [theta]), data)
         for theta in ([0.065, 0.0, 9.0, 0.008], [0.06, 0.03, 0.2, 0.01])
     ]
     assert_allclose(ends[0].friction.theta, ends[1].friction.theta, rtol=0.03)

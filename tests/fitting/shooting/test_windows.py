@@ -8,6 +8,7 @@ import pytest
 from fixtures import tiny_pendulums as tiny
 from fixtures.tiny_pendulums import PENDULUM, dataset
 from fixtures.true_curves import plain_friction
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.dynamics import step_size
@@ -46,7 +47,7 @@ def prior_of(rng):
 
 
 def test_the_step_is_that_of_all_unknowns_together():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     prediction, prior = prediction_of(rng), prior_of(rng)
     weight = rng.random(prediction.error.shape)
     normal = eliminate_states(prediction, weight, SIGMA, prior)
@@ -71,7 +72,7 @@ def test_the_step_is_that_of_all_unknowns_together():
 
 
 def test_steep_windows_keep_a_curvature_that_is_not_negative():
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     normal = eliminate_states(
         prediction_of(rng, 1e9), np.ones((W, N + 1, JOINTS)), SIGMA, prior_of(rng)
     )
@@ -82,7 +83,7 @@ def test_steep_windows_keep_a_curvature_that_is_not_negative():
 
 @pytest.mark.parametrize("wrong", [1e5, np.inf, np.nan])
 def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
-    rng, K = np.random.default_rng(2), 2 * N
+    rng, K = default_rng(2), 2 * N
     before, after = rng.normal(size=(2, K, JOINTS))
     weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
     scales = SimpleNamespace(size=np.ones(JOINTS))
@@ -108,7 +109,7 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
 
 def test_a_window_counts_as_its_cost_grows():
     """Fully while it is explained, not at all when it is lost, and without a jump."""
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     off = np.linspace(0.0, 12.0, 400)
     one = prediction_of(rng)
     alike = WindowPrediction(*(np.repeat(x[:1], len(off), axis=0) for x in one))
@@ -183,7 +184,7 @@ def test_windows_have_three_intervals_at_least_and_hold_each_interval_once(secon
 
 def test_each_angle_of_a_window_counts_by_its_own_noise():
     """The last one, too: it is that behind the window's last interval."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     some = tiny.dataset(recordings=tiny.recordings()[:2])
     plain = intervals_of(some)
     K, n = plain.q.shape
@@ -224,7 +225,7 @@ def test_of_exact_angles_the_noise_starts_above_zero_and_below_any_other():
 
 # --- Steps ----------------------------------------------------------------------------------------
 
-START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
+START = Friction(CoulombViscous(), [[0.02, 0.002]])
 
 
 def test_every_iteration_is_heard_once():

@@ -8,6 +8,7 @@ from fixtures import driven_wrist as wrist
 from fixtures.changed_data import changed
 from fixtures.refusals import assert_refused
 from fixtures.sines import sines, torque_without_friction
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from frictionid.comparison.fit_model import fit_model
@@ -94,7 +95,7 @@ LIFT = """<robot name="lift"><link name="base"/>
 def test_a_slow_vertical_axis_does_not_show_its_gain(tmp_path):
     """Refused by the name of the joint; kept, the other one is found."""
     (tmp_path / "lift.urdf").write_text(LIFT, encoding="utf-8")
-    arm, draw = urdf(tmp_path / "lift.urdf"), np.random.default_rng(4)
+    arm, draw = urdf(tmp_path / "lift.urdf"), default_rng(4)
     t = np.arange(0.0, 40.0, 0.01)
     q, w, a = sines(t, ((0.8, 0.15),), ((0.8, 0.43),))
     u = torque_without_friction(arm, q, w, a) + 2.0 * np.sign(w) + 1.0 * w
@@ -145,7 +146,7 @@ def test_moments_and_pseudo_inertias_make_each_other(tree):
 
 def test_what_is_consistent_stays(tree):
     """Other bodies of the same joints, drawn at random."""
-    draw = np.random.default_rng(0)
+    draw = default_rng(0)
     for _ in range(2):
         factors = np.linalg.cholesky(pseudo_inertia(tree.tree.inertia))
         factors = factors + 0.3 * np.tril(draw.standard_normal((3, 4, 4))) * np.abs(factors).max()
@@ -156,7 +157,7 @@ def test_what_is_consistent_stays(tree):
 
 
 def test_what_no_bodies_have_comes_to_the_nearest_that_some_have(tree):
-    draw, nominal = np.random.default_rng(1), tree.base({})
+    draw, nominal = default_rng(1), tree.base({})
     wrong = 0
     for _ in range(2):
         wanted = nominal - 1.5 * np.abs(nominal) * draw.uniform(0, 1, len(nominal))
@@ -246,10 +247,10 @@ def fitted_load(geared, loss, by_pose=(0.0, 0.0)):
     t = np.arange(0.0, 12.0, 0.002)
     q, w, a = sines(t, ((0.9, 1.1), (0.4, 2.3)), ((1.1, 1.7), (0.5, 2.9)))
     needed = torque_without_friction(geared, q, w, a)
-    load = np.abs(needed - np.array([0.2, 0.1]) * a)
+    load = np.abs(needed - [0.2, 0.1] * a)
     coulomb = COULOMB * (1.0 + by_pose * np.cos(q[:, 1:]) ** 2)
     u = needed + (coulomb + loss * load) * np.sign(w) + VISCOUS * w
-    noise = np.random.default_rng(0).normal(scale=1e-5, size=q.shape)
+    noise = default_rng(0).normal(scale=1e-5, size=q.shape)
     data = Dataset(
         "geared", geared, (Recording("a", Signal(t, q + noise), Signal(t, u, "linear")),)
     )
@@ -291,7 +292,7 @@ def test_steps_to_impossible_inertias_stay_on_the_border(geared):
     block, q = InertiaBlock(), configurations(2, 13)
     bodies = geared.inertia(geared.base({"rotor_one": 2e-3, "rotor_two": 1e-3}), q)
     usual = np.linalg.inv(np.linalg.cholesky(bodies))
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     for _ in range(30):
         own = block.parameters(estimate)
         wanted = [p.value - 3.0 * abs(p.value) * rng.uniform() - 0.01 for p in own]

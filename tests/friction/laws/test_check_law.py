@@ -84,7 +84,7 @@ class Negative(Plain):
 
 class Sloped(Plain):
     def gradient(self, theta, x):
-        return CoulombViscous().gradient(theta, x) * np.array([1.0, 1.1])
+        return CoulombViscous().gradient(theta, x) * [1.0, 1.1]
 
 
 class Greedy(Plain):

@@ -47,7 +47,7 @@ def test_amplitude_and_phase_are_found():
 def test_cogging_above_friction_sets_a_joint_in_motion_and_below_it_does_not():
     free = pendulum(mass=1e-9, length=1.0, inertia=0.01)  # without gravity
     for level, moves in ((0.015, True), (0.025, False)):
-        friction = fid.Friction(LAW, np.array([[level, 0.0, 0.0, 0.02]]))
+        friction = fid.Friction(LAW, [[level, 0.0, 0.0, 0.02]])
         start = State(np.array([0.5 * np.pi / POLES]), np.array([0.0]))
         steps = np.full(50, 0.01)
         q = rollout(Plant.from_parameters(free, {}), friction, start, np.zeros((50, 1)), steps).q

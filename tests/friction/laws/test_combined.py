@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from frictionid.comparison.fit_model import fit_model
@@ -36,7 +37,7 @@ TRUE = Curve((0.12, 0.05), (0.12, 0.05), (0.02, 0.01), (0.05, 0.0), (0.05, 0.0),
 )
 def test_it_is_the_laws_side_by_side(first, second):
     """Torque, limit, memory and gradient of each joint are those of its law alone."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     x = Inputs(*rng.normal(size=(4, 50, 2)))
     law, dt = PerJoint((first, second)), np.full((50, 1), 0.01)
     theta = np.zeros((2, len(law.names)))
@@ -119,13 +120,13 @@ def test_as_many_laws_as_joints(two_joints):
 
 def test_smoothing_reaches_the_parts():
     assert MIXED.sharpened().parts == (Stribeck().sharpened(), CoulombViscous().sharpened())
-    friction = Friction(MIXED, np.array([[0.1, 0.05, 1.0, 0.01], [0.1, 0.0, 0.0, 0.01]]))
+    friction = Friction(MIXED, [[0.1, 0.05, 1.0, 0.01], [0.1, 0.0, 0.0, 0.01]])
     wide = replace(friction, law=MIXED.with_width(0.5)).torque(Inputs(*np.full((4, 1, 2), 0.1)))
     assert (np.abs(wide) < 0.5 * np.abs(friction.torque(Inputs(*np.full((4, 1, 2), 0.1))))).all()
 
 
-X = Inputs(*np.random.default_rng(0).normal(size=(4, 60, 2)))._replace(
-    load=np.random.default_rng(1).uniform(1.0, 5.0, (60, 2))
+X = Inputs(*default_rng(0).normal(size=(4, 60, 2)))._replace(
+    load=default_rng(1).uniform(1.0, 5.0, (60, 2))
 )
 
 

@@ -65,9 +65,9 @@ OTHERS = [
 W = np.array([-20.0, -3.0, -0.5, -0.05, 0.05, 0.5, 3.0, 20.0])
 
 
-def draws(law, rng, *batch):
+def draws(law, seed, *batch):
     """Parameters of two joints, shape (*batch, 2, P)."""
-    theta = rng.uniform(0.05, 1.0, (*batch, 2, len(law.names)))
+    theta = np.random.default_rng(seed).uniform(0.05, 1.0, (*batch, 2, len(law.names)))
     theta *= np.minimum(1.0, [high for _, high in law.bounds])
     if "stribeck_velocity" in law.names:
         theta[..., law.names.index("stribeck_velocity")] *= 5.0
@@ -88,7 +88,7 @@ def test_laws_keep_to_the_contract(law):
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
-    theta = draws(law, np.random.default_rng(0), 5, 1)
+    theta = draws(law, 0, 5, 1)
     gradient = law.gradient(theta, speeds())
     assert gradient.shape == (5, len(W), 2, len(law.names))
     for i in range(len(law.names)):
@@ -100,7 +100,7 @@ def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
 
 @pytest.mark.parametrize("law", [*LAWS, *REMEMBERING], ids=str)
 def test_laws_run_alike_on_torch(law):
-    theta, x = draws(law, np.random.default_rng(1), 4, 1), speeds()
+    theta, x = draws(law, 1, 4, 1), speeds()
     memory, dt = law.start(theta, x._replace(w=-x.w)), np.array([0.003])
 
     def values(theta, x, memory, dt):
@@ -119,7 +119,7 @@ def test_laws_run_alike_on_torch(law):
 
 @pytest.mark.parametrize("law", [*LAWS, *REMEMBERING], ids=str)
 def test_torque_has_slopes_in_torch_at_every_velocity(law):
-    theta = torch.tensor(draws(law, np.random.default_rng(3), 4, 1), requires_grad=bool(law.names))
+    theta = torch.tensor(draws(law, 3, 4, 1), requires_grad=bool(law.names))
     w = torch.tensor([[0.0, 0.0], *speeds().w.tolist()], dtype=torch.float64, requires_grad=True)
     x = at_rest(w.detach().numpy()).each(torch.as_tensor)._replace(w=w)
     memory = law.advance(theta, x, law.start(theta, x), torch.tensor([0.01], dtype=torch.float64))
@@ -130,7 +130,7 @@ def test_torque_has_slopes_in_torch_at_every_velocity(law):
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_friction_opposes_motion_and_without_velocity_there_is_none(law):
-    theta = draws(law, np.random.default_rng(2), 20, 1)
+    theta = draws(law, 2, 20, 1)
     assert (law.torque(theta, speeds(), ()) * W[:, None] >= 0).all()
     still = law.torque(theta[:, 0], at_rest(np.zeros(2)), ())
     assert_array_equal(still, np.zeros((20, 2)))
@@ -146,7 +146,7 @@ def test_friction_opposes_motion_and_without_velocity_there_is_none(law):
     ids=str,
 )
 def test_at_constant_speed_a_memory_does_not_show(law, plain):
-    theta, w = draws(law, np.random.default_rng(6)), W[np.abs(W) > 0.1]
+    theta, w = draws(law, 6), W[np.abs(W) > 0.1]
     expected = Friction(plain, theta[:, : len(plain.names)]).curve(w)
     assert_allclose(Friction(law, theta).curve(w), expected, rtol=1e-9)
 
@@ -175,7 +175,7 @@ SIMPLER = [
 
 @pytest.mark.parametrize(("law", "zeros", "simpler"), SIMPLER, ids=str)
 def test_laws_hold_the_simpler_ones(law, zeros, simpler):
-    x, theta = speeds(), draws(law, np.random.default_rng(3))
+    x, theta = speeds(), draws(law, 3)
     theta[:, [name in zeros for name in law.names]] = 0.0
     x = x._replace(**{name: 0.0 * x.w for name in zeros if name in x._fields})
     numbers = theta[:, [law.names.index(name) for name in simpler.names]]
@@ -195,7 +195,7 @@ SIDED = pytest.mark.parametrize("law", [CoulombViscous, Stribeck, FilmLag, LuGre
 @SIDED
 def test_turning_the_axis_round_swaps_the_directions(law):
     own, x = law(symmetric=False), speeds()
-    theta = draws(own, np.random.default_rng(4))
+    theta = draws(own, 4)
     other = {"positive": "negative", "negative": "positive"}
     parts = [name.rpartition("_") for name in own.names]
     places = [own.names.index(a + b + other.get(c, c)) for a, b, c in parts]
@@ -208,7 +208,7 @@ def test_turning_the_axis_round_swaps_the_directions(law):
 @SIDED
 def test_with_equal_levels_of_both_directions_it_is_the_symmetric_law(law):
     own, plain, x = law(symmetric=False), law(), speeds()
-    theta = draws(plain, np.random.default_rng(5))
+    theta = draws(plain, 5)
     names = [name.removesuffix("_positive").removesuffix("_negative") for name in own.names]
     alike = theta[:, [plain.names.index(name) for name in names]]
     for found, expected in zip(after(own, alike, x), after(plain, theta, x), strict=True):
@@ -287,7 +287,7 @@ GAPS = (0.0079, 0.008, 0.0081, 0.0093, 0.012, 0.03)
 RECOVERED += [(Play(), [[0.1, 0.02, gap], [0.05, 0.02, 2 * gap]], 1e-3) for gap in GAPS]
 for way in (0.003, 0.1):
     both = [[0.1, 0.02, way], [0.05, 0.02, way / 2]]
-    RECOVERED += [(Dahl(), both), (Dahl(), both * np.array([[100, 100, 1], [1, 1, 1]]))]
+    RECOVERED += [(Dahl(), both), (Dahl(), both * [[100, 100, 1], [1, 1, 1]])]
     RECOVERED += [(LuGre(), [[0.1, 0.06, ws, 0.02, way, 0.3, 0.5]]) for ws in (1.5, 4.0)]
 for lag in (0.01, 0.3):
     RECOVERED += [(FilmLag(), [[0.1, 0.06, ws, 0.02, lag]]) for ws in (0.6, 4.0)]

@@ -52,7 +52,7 @@ def test_the_level_grows_with_the_load_by_its_coefficient(law, theta):
 def test_the_load_is_that_of_the_mechanism():
     """A pendulum that turns fast pulls at its bearing with m l w^2 and its weight."""
     plant = Plant.from_parameters(pendulum(), {"mass": 0.5, "length": 0.3})
-    friction = Friction(LoadDependent(), np.array([[0.0, 0.01, 0.0]]))
+    friction = Friction(LoadDependent(), [[0.0, 0.01, 0.0]])
     now = Instant(plant, friction, State(np.zeros(1), np.array([10.0])), np.zeros(1))
     pull = 0.5 * (0.3 * 10.0**2 + 9.81)
     assert friction.torque(now.inputs)[0] == pytest.approx(0.01 * pull)

@@ -84,7 +84,7 @@ def test_at_constant_speed_it_is_the_law_behind_the_gap_beside_that_of_the_joint
 def test_a_side_holds_a_joint_that_is_pressed_to_it_and_no_other():
     plant = Plant.from_parameters(pendulum(), {"mass": 0.5, "length": 0.1})
     weight = 0.5 * 9.81 * 0.1
-    friction = Friction(Play(), np.array([[0.3, 0.0, GAP]]))
+    friction = Friction(Play(), [[0.3, 0.0, GAP]])
     angle = float(np.arcsin(0.2 / weight))  # gravity turns back with 0.2 N m
     free = (0.0 * np.ones(1), GAP / 2 * np.ones(1))  # in the middle; at the wrong side
     steps = np.full(400, 0.002)

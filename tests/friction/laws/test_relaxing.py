@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.dynamics.rollout import rollout
@@ -45,7 +46,7 @@ def test_dahl_friction_depends_on_the_way_gone_and_not_on_the_time_it_took():
 
 
 def test_dahl_friction_is_passive_with_the_energy_of_its_spring():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     w, z = rng.normal(size=(500, 1)), 0.01 * rng.uniform(-1, 1, (500, 1))
     torque = Dahl().torque(DAHL, at_rest(w), (z,))
     stored = 0.1 / 0.01 * z * (w - np.abs(w) * z / 0.01)
@@ -126,7 +127,7 @@ def taken(theta, w, z, torque):
 
 
 def test_lugre_friction_is_passive_with_the_energy_of_its_bristles_whatever_its_parameters():
-    theta, w, z = drawn(np.random.default_rng(0))
+    theta, w, z = drawn(default_rng(0))
     assert taken(theta, w, z, LuGre().torque(theta, at_rest(w), (z,))).min() > -1e-9
     stiffness, bending = bristles(theta, w, z)
     constant = stiffness * z + theta[..., 5] * bending + theta[..., 3] * w
@@ -167,7 +168,7 @@ def test_the_film_follows_the_speed_exactly():
 
 
 def test_friction_never_drives_whatever_the_film_does():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     w, z = rng.normal(scale=3.0, size=(500, 2)), rng.exponential(2.0, (500, 2))
     for law, theta in ((FilmLag(), FILM), (FilmLag(symmetric=False), FILM_BOTH_WAYS)):
         assert (law.torque(theta, at_rest(w), (z,)) * w >= 0).all()

@@ -59,7 +59,7 @@ def test_level_and_load_together_are_not_negative():
 
 def test_a_negative_level_counts_as_zero():
     law = Spline((1.0, 2.0), 1)
-    torque = Friction(law, np.array([[0.1, -0.3]])).curve(np.linspace(-4, 4, 101))[:, 0]
+    torque = Friction(law, [[0.1, -0.3]]).curve(np.linspace(-4, 4, 101))[:, 0]
     assert torque.max() == pytest.approx(0.1) and (torque[[0, -1]] == 0.0).all()
     assert (torque * np.linspace(-4, 4, 101) >= 0).all()
 

@@ -59,7 +59,7 @@ def test_at_one_temperature_it_is_an_ordinary_law(T):
 
 
 def test_a_level_does_not_fall_below_zero():
-    friction = Friction(Thermal(), np.array([[0.1, 0.0, -0.05, 0.0]]))
+    friction = Friction(Thermal(), [[0.1, 0.0, -0.05, 0.0]])
     assert friction.at_temperature(100.0).theta[0, 0] == 0.0
 
 
@@ -96,7 +96,7 @@ def test_a_servo_without_a_torque_log_is_followed_too():
     given = {"target": "target", "output": "torque", "P": 4.0, "D": 0.05, "delay": 0.01}
     columns = {"time": "t", "angle": "q", "covariates": {"temperature": "T"}}
     data = fid.Dataset.from_frames(log, RIG, **columns, actuator=given)
-    truth = Friction(Thermal(), np.array([list(TRUTH.values())]))
+    truth = Friction(Thermal(), [list(TRUTH.values())])
     tables = [
         fid.predict(friction, data, whole=True)
         for friction in (truth, truth.at_temperature(15.0), truth.at_temperature(50.0))

@@ -17,7 +17,7 @@ SEEDS = range(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_there_are_as_many_as_the_regressor_has_rank(seed):
     mechanism = robot(seed, 5)
-    q, w, a = motions(np.random.default_rng(7), (200, 5))
+    q, w, a = motions(7, (200, 5))
     Y = regressor(mechanism.tree, q, w, a).reshape(-1, 11 * 5)
     singular = np.linalg.svd(Y, compute_uv=False)
     assert len(mechanism.base_names) == int((singular > 1e-9 * singular[0]).sum())
@@ -40,7 +40,7 @@ def test_an_axis_that_the_file_rounds_to_a_right_angle_adds_no_parameter(tmp_pat
     exact = arm(tmp_path, repr(np.pi / 2))
     rounded = arm(tmp_path, "1.5708")
     assert rounded.base_names == exact.base_names
-    q, w, a = motions(np.random.default_rng(0), (50, 3))
+    q, w, a = motions(0, (50, 3))
     pi = np.concatenate([rounded.tree.inertia.ravel(), np.zeros(3)])
     Y = regressor(rounded.tree, q, w, a)
     by_p = rounded.partials(rounded.base({}), q, w, a).by_p

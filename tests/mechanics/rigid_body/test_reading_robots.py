@@ -93,7 +93,7 @@ def test_a_gear_is_the_reduction_of_the_joints_transmission(tmp_path):
 def test_locked_joints_stand_where_they_are_locked(read):
     whole = read(TEXT)
     part = read(TEXT, joints=["shoulder", "elbow"], locked={"gripper": 0.7})
-    q, w, _ = motions(np.random.default_rng(0), (20, 3))
+    q, w, _ = motions(0, (20, 3))
     q[:, 2], w[:, 2] = 0.7, 0.0
     (M, h), (small, force) = dynamics(whole, q, w), dynamics(part, q[:, :2], w[:, :2])
     assert_allclose(small, M[:, :2, :2], atol=1e-12)
@@ -108,7 +108,7 @@ def test_beyond_a_base_link_the_rest_is_left_out(read):
     other = read(alone, "other.urdf", gravity=[0.0, 3.0, -9.0])
     assert part.joints == ("gripper",)
     assert part == other
-    q, w, _ = motions(np.random.default_rng(0), (20, 1))
+    q, w, _ = motions(0, (20, 1))
     for ours, theirs in zip(dynamics(part, q, w), dynamics(other, q, w), strict=True):
         assert_allclose(ours, theirs, atol=1e-14)
 
@@ -142,7 +142,7 @@ def test_a_payload_is_a_body_fixed_to_its_link(read):
     arm = read(TEXT, "arm.urdf", payload="finger")
     values = {"mass": 0.7, "x": 0.02, "y": -0.01, "z": 0.05, "Ixx": 1e-3, "Ixy": 2e-4}
     values |= {"Iyy": 2e-3, "Iyz": 1e-4, "Izz": 1.5e-3}
-    q, w, _ = motions(np.random.default_rng(0), (20, 3))
+    q, w, _ = motions(0, (20, 3))
     p = arm.base({f"payload_{k}": v for k, v in values.items()})
     for ours, theirs in zip(arm.dynamics(p, q, w), dynamics(whole, q, w), strict=True):
         assert_allclose(ours, theirs, atol=1e-12)
