@@ -3,9 +3,11 @@
 import math
 import tracemalloc
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from fixtures.changed_data import subset
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -73,7 +75,7 @@ def peak(call):
 def test_a_memory_that_relaxes_is_that_of_step_by_step(law):
     nodes, own = nodes_of((40, 7, 60)), some_friction(law)
     theta, found = own.theta[:, None], memory_along(own, nodes)
-    for r, (a, b) in enumerate(zip(nodes.first[:-1], nodes.first[1:], strict=True)):
+    for r, (a, b) in enumerate(pairwise(nodes.first)):
         at = [nodes.inputs.each(lambda x, k=k: x[[k]]) for k in range(a, b)]
         memory = law.start(theta, at[0])
         for t in range(1, b - a):
@@ -107,7 +109,7 @@ def test_recordings_held_out_side_by_side_are_those_alone(law, monkeypatch):
     nodes, own = nodes_of((30, 5, 44, 3)), some_friction(law)[[0, 2, 1, 2]]
     monkeypatch.setattr(friction, "_STEPS", 100)
     found = along_own(own, nodes)
-    for r, (a, b) in enumerate(zip(nodes.first[:-1], nodes.first[1:], strict=True)):
+    for r, (a, b) in enumerate(pairwise(nodes.first)):
         inputs = nodes.inputs.each(lambda x, own=slice(a, b): x[own])
         alone = Nodes(inputs, nodes.time[a:b], np.array([0, b - a]))
         assert_allclose(found[a:b], along(own[r], alone), rtol=1e-12, atol=1e-14)
@@ -149,7 +151,7 @@ def fit_one_step(dataset, recipe=INTEGRAL):
 @pytest.fixture(scope="module")
 def few():
     dataset = load_dataset("acrobot_clean")
-    return replace(dataset, recordings=dataset.recordings[3:7])
+    return subset(dataset, 3, 7)
 
 
 @pytest.mark.parametrize("recipe", [STUDY, INTEGRAL], ids=["study", "integral"])
@@ -191,7 +193,7 @@ def test_shooting_in_pieces_is_that_at_once(few, monkeypatch):
 
 def test_more_iterations_of_shooting_need_no_more_memory(few):
     start = fit_one_step(few)
-    one = replace(few, recordings=few.recordings[:2])
+    one = subset(few, 0, 2)
     two, five = (peak(lambda k=k: shot(one, start, k)) for k in (2, 5))
     assert five <= 1.05 * two  # once by a linearisation each
 

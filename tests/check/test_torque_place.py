@@ -74,7 +74,7 @@ def test_a_command_is_not_called_measured_and_is_fitted(frames):
     assert first.question == "is the torque measured" and first.passed is False
     assert "declared" in first.words
     assert check(dataset(frames, "motor", "motor")).questions[0].passed is True
-    theta = np.asarray(fit_model(data, LeastSquares(CoulombViscous())).theta)[0]
+    theta = fit_model(data, LeastSquares(CoulombViscous())).theta[0]
     np.testing.assert_allclose(theta, [COULOMB, VISCOUS], rtol=0.1)
 
 

@@ -155,9 +155,14 @@ def test_a_horizon_ends_at_the_nearest_sample():
         assert starts.dt[:last, s].sum() == pytest.approx(time[k + last] - time[k])
 
 
+def around_a_gap(later, horizons):
+    """Clock of one second and of another one that begins later, and the starts on it."""
+    time = np.concatenate([begin + np.arange(50) * 0.02 for begin in (0.0, later)])
+    return time, starts_of(still(time), horizons=horizons, begin=0.0, every=0.02)
+
+
 def test_no_horizon_ends_behind_a_recording_or_in_a_gap():
-    time = np.concatenate([np.arange(50) * 0.02, 3.0 + np.arange(50) * 0.02])
-    starts = starts_of(still(time), horizons=(0.105, 0.507), begin=0.0, every=0.02)
+    time, starts = around_a_gap(3.0, (0.105, 0.507))
     ends = time[starts.index] + starts.horizons[:, None]
     near = np.abs(ends[:, :, None] - time).min(-1) < 0.0205
     assert np.array_equal(starts.last > 0, near & (ends < time[-1] + 0.01))
@@ -166,8 +171,7 @@ def test_no_horizon_ends_behind_a_recording_or_in_a_gap():
 
 def test_no_rollout_spans_a_gap_even_where_its_horizon_ends_right_behind_it():
     """The first sample behind the gap is 0.12 s after the last one before it."""
-    time = np.concatenate([np.arange(50) * 0.02, 1.1 + np.arange(50) * 0.02])
-    starts = starts_of(still(time), horizons=(0.12,), begin=0.0, every=0.02)
+    time, starts = around_a_gap(1.1, (0.12,))
     assert 49 not in starts.index and 50 in starts.index
     for first, count in zip(starts.index, starts.last[0], strict=True):
         assert np.diff(time[first : first + count + 1]).max() < 0.021

@@ -29,6 +29,7 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, NoFriction
 
 PROTOCOL = Protocol(horizons=(0.1,))
+COEFFICIENTS = (0.0, 0.004, 0.03)
 STATISTICS = {
     "mean": np.mean,
     "rms": lambda e: np.sqrt(np.mean(e**2)),
@@ -49,8 +50,7 @@ def folds():
 
 def viscous(*coefficients):
     """A batch of frictions that are viscous and differ much."""
-    theta = np.array([[[0.0, c]] for c in coefficients])
-    return Friction(CoulombViscous(), theta)
+    return Friction(CoulombViscous(), [[[0.0, c]] for c in coefficients])
 
 
 def scored(friction, data, folds):
@@ -77,12 +77,11 @@ def by_hand(recording, torque):
 
 
 def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
-    coefficients = (0.0, 0.004, 0.03)
-    rows = scored(viscous(*coefficients), prepared, folds)
+    rows = scored(viscous(*COEFFICIENTS), prepared, folds)
     errors = {fold: [] for fold in range(3)}
     for recording, label in zip(dataset().recordings, folds.labels, strict=True):
         fold = int(label[0])
-        time, residual = by_hand(recording, lambda w, c=coefficients[fold]: c * w)
+        time, residual = by_hand(recording, lambda w, c=COEFFICIENTS[fold]: c * w)
         errors[fold].append(np.abs(residual[time >= PROTOCOL.history - 1e-9]))
     errors = {fold: np.concatenate(parts) for fold, parts in errors.items()}
     for name, statistic in STATISTICS.items():
@@ -94,8 +93,7 @@ def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
 
 
 def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
-    coefficients = (0.0, 0.004, 0.03)
-    rows = scored(viscous(*coefficients), prepared, folds)
+    rows = scored(viscous(*COEFFICIENTS), prepared, folds)
     squares = []
     for recording, label, s in zip(
         dataset().recordings, folds.labels, prepared.smoothed, strict=True
@@ -104,7 +102,7 @@ def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
         middle_q = (q[1:] + q[:-1]) / 2 + (w[:-1] - w[1:]) * dt / 8
         middle_w = 1.5 * np.diff(q) / dt - (w[1:] + w[:-1]) / 4
 
-        def force(q, w, c=coefficients[label[0]]):
+        def force(q, w, c=COEFFICIENTS[label[0]]):
             return -GRAVITY * np.sin(q) - c * w
 
         mean = force(q[:-1], w[:-1]) + 4 * force(middle_q, middle_w) + force(q[1:], w[1:])

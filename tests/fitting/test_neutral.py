@@ -246,11 +246,16 @@ def test_a_fit_that_predicts_no_window_says_so(monkeypatch):
         refine(START, tiny.dataset(), (FrictionBlock(), InertiaBlock()), SHORT)
 
 
+def two_free(count, matrix):
+    """Parameters, and the covariance of the first two."""
+    parameters = [Parameter("friction", f"p{i}", "N m", 0.5, place=(0, i)) for i in range(count)]
+    return parameters, Covariance(tuple(parameters[:2]), np.full(2, 0.5), matrix)
+
+
 def test_free_parameters_are_as_uncertain_beside_held_ones_as_beside_ones_with_a_prior():
     X, size = default_rng(5).normal(size=(40, 4)), np.array([0.3, 0.8])
     H = X.T @ X
-    parameters = [Parameter("friction", f"p{i}", "N m", 0.5, place=(0, i)) for i in range(4)]
-    free = Covariance(tuple(parameters[:2]), np.full(2, 0.5), np.linalg.inv(H[:2, :2]))
+    parameters, free = two_free(4, np.linalg.inv(H[:2, :2]))
     held = [Unknown(p, 0.0, s, 1.0, 0.0) for p, s in zip(parameters[2:], size, strict=True)]
     both = with_held(free, held, (), parameters, H)
     prior = np.diag([0.0, 0.0, *size**-2])
@@ -259,7 +264,6 @@ def test_free_parameters_are_as_uncertain_beside_held_ones_as_beside_ones_with_a
 
 
 def test_what_nobody_knows_at_all_stays_so_beside_held_ones():
-    parameters = [Parameter("friction", f"p{i}", "N m", 0.5, place=(0, i)) for i in range(3)]
-    free = Covariance(tuple(parameters[:2]), np.full(2, 0.5), np.diag([0.1, np.inf]))
+    parameters, free = two_free(3, np.diag([0.1, np.inf]))
     both = with_held(free, [Unknown(parameters[2], 0.0, 0.3, 1.0, 0.0)], (), parameters, np.eye(3))
     assert_array_equal(both.matrix[1], [0.0, np.inf, 0.0])

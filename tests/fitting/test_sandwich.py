@@ -155,6 +155,9 @@ def entries_of(friction):
     return FrictionBlock().parameters(Estimate(friction, Calibration.ideal(1), pendulum()))
 
 
+FELL = Friction(Stribeck(), [[0.1, 0.03, 1.5, 0.01]])
+
+
 def hanging(friction, *weak):
     entries = entries_of(friction)
     names = [e.name.split(" ")[0] for e in entries]
@@ -163,19 +166,17 @@ def hanging(friction, *weak):
 
 
 def test_a_velocity_hangs_on_its_peak_and_nothing_hangs_on_it():
-    friction = Friction(Stribeck(), [[0.1, 0.03, 1.5, 0.01]])
     assert list(Stribeck().names) == ["coulomb", "peak", "stribeck_velocity", "viscous"]
-    assert hanging(friction, "peak") == {"stribeck_velocity": ("peak",)}
-    assert hanging(friction, "peak", "coulomb") == {"stribeck_velocity": ("peak",)}
-    assert hanging(friction, "stribeck_velocity", "viscous", "coulomb") == {}
-    assert hanging(friction) == {}
+    assert hanging(FELL, "peak") == {"stribeck_velocity": ("peak",)}
+    assert hanging(FELL, "peak", "coulomb") == {"stribeck_velocity": ("peak",)}
+    assert hanging(FELL, "stribeck_velocity", "viscous", "coulomb") == {}
+    assert hanging(FELL) == {}
 
 
 def test_a_doubtful_peak_leaves_no_velocity():
-    friction = Friction(Stribeck(), [[0.1, 0.03, 1.5, 0.01]])
     none, peak = np.zeros(4, dtype=bool), np.array([False, True, False, False])
-    assert meaningless(friction, entries_of(friction), none, peak) == {2: (1,)}
-    assert meaningless(friction, entries_of(friction), none, none) == {}
+    assert meaningless(FELL, entries_of(FELL), none, peak) == {2: (1,)}
+    assert meaningless(FELL, entries_of(FELL), none, none) == {}
 
 
 def test_stiffness_of_a_bristle_shows_before_it_slides():

@@ -53,7 +53,7 @@ def balance(dataset):
 def test_inverse_dynamics_finds_the_friction_of_all_four(balance):
     blocks = (FrictionBlock(), BiasBlock())
     found = fit_torques(LeastSquares(CoulombViscous()), balance, blocks, TorqueSettings())
-    assert_allclose(np.asarray(found.friction.theta), TRUE, rtol=0.02)
+    assert_allclose(found.friction.theta, TRUE, rtol=0.02)
     names = [p.name for p in found.covariance.parameters if p.block == "friction"]
     assert names[-2:] == ["coulomb of turner", "viscous of turner"]
 

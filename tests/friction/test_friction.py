@@ -1,5 +1,7 @@
 """Laws of friction: what holds for every law, and its torque along recorded motion."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from fixtures.memory_laws import FILM, STRIBECK, Follower, Sampled
@@ -92,7 +94,7 @@ def loop(friction, nodes):
     """Torque along nodes, written down as it is meant: node by node, recording by recording."""
     law, theta, x = friction.law, friction.theta, nodes.inputs
     torque = np.zeros_like(x.w)
-    for begin, end in zip(nodes.first[:-1], nodes.first[1:], strict=True):
+    for begin, end in pairwise(nodes.first):
         memory = law.start(theta, at(x, begin))
         last = begin
         for k in range(begin, end):

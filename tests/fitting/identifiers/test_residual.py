@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -80,7 +81,7 @@ def true_motion(dt, duration=0.6):
 
     time = np.arange(round(duration / dt) + 1) * dt
     y, parts = np.array([1.0, -0.5, 4.0, -5.0]), []
-    for begin, end in zip(knots[:-1], knots[1:], strict=True):  # smooth between the corners
+    for begin, end in pairwise(knots):  # smooth between the corners
         inside = np.clip(time[(time >= begin - 1e-9) & (time < end - 1e-9)], begin, end)
         found = solve_ivp(
             rate, (begin, end), y, "DOP853", np.append(inside, end), rtol=1e-12, atol=1e-12

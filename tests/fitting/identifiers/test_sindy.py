@@ -287,9 +287,14 @@ def test_the_search_finds_the_best_of_all_sets_of_a_joint():
 def test_where_sets_are_too_many_they_are_extended_and_exchanged(monkeypatch):
     problem = explained_by(Stribeck(), STRIBECK, 1e-3)
     G, constraints = gram_matrices(problem)
-    every = {len(f.columns): f for f in best_sets_of_joint(G.sum(0), constraints, [16, 19], 0, [])}
+
+    def by_size():
+        sets = best_sets_of_joint(G.sum(0), constraints, [16, 19], 0, [])
+        return {len(one.columns): one for one in sets}
+
+    every = by_size()
     monkeypatch.setattr(active_sets, "_LIMIT", 20)
-    few = {len(f.columns): f for f in best_sets_of_joint(G.sum(0), constraints, [16, 19], 0, [])}
+    few = by_size()
     assert few[3] == every[3]
     assert few[4].cost < few[3].cost
     assert all(few[size].cost >= every[size].cost * (1 - 1e-9) for size in few if size in every)
@@ -315,15 +320,12 @@ def test_active_sets_have_one_of_a_family_and_nothing_that_drives():
     a[:, 3] = a[:, 0] - a[:, 2]
     T = a.T @ a
     alike = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 1]], dtype=bool)
-    constraints = Constraints(
-        np.zeros(3, dtype=int), alike, np.ones(3, dtype=bool), np.ones(3, dtype=bool)
-    )
-    assert admissible(np.array([2.0, 1.0, -1.0]), T, constraints) == (0,)
-    assert admissible(np.array([2.0, 1.0, 1.0]), T, constraints) == (
-        0,
-    )  # the third one would drive
+    every, size = np.ones(3, dtype=bool), np.array([2.0, 1.0, -1.0])
+    constraints = Constraints(np.zeros(3, dtype=int), alike, every, every)
+    assert admissible(size, T, constraints) == (0,)
+    assert admissible(np.abs(size), T, constraints) == (0,)  # the third one would drive
     free = constraints._replace(positive=np.array([True, True, False]))
-    assert admissible(np.array([2.0, 1.0, -1.0]), T, free) == (0, 2)
+    assert admissible(size, T, free) == (0, 2)
     assert best_sets_of_joint(T, free, [], 0, [(1,)])[-1].columns == (0, 2)
     assert best_proposals(T, free, [(1,), (0, 2)])[-1].columns == (0, 2)
     assert_allclose(best_fits(T, np.array([[0, 2]]))[1][0], [1.0, -1.0], atol=1e-9)

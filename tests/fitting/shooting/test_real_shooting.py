@@ -92,7 +92,7 @@ def test_friction_that_falls_off_over_all_speeds_converges_and_says_so(real_data
     _, found = fitted("dfki_c1", data, only="stribeck", free=("friction", "inertia"))["stribeck"]
     assert found.diagnostics.settled
     place = found.friction.law.names.index("coulomb")
-    assert np.asarray(found.friction.theta)[1, place] == 0.0
+    assert found.friction.theta[1, place] == 0.0
     said = " ".join(found.diagnostics.warnings)
     assert "Coulomb of joint 2 ends at 0: friction falls off over all speeds" in said
 

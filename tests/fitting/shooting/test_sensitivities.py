@@ -239,7 +239,7 @@ def wrist_data(tmp_path_factory):
 
 def test_friction_of_all_parts_comes_out(wrist_data):
     found = refine(BEGIN_WRIST, wrist_data, (FrictionBlock(),), Settings(windows=(0.3,)))
-    assert_allclose(np.asarray(found.friction.theta), TRUE_WRIST, rtol=0.003)
+    assert_allclose(found.friction.theta, TRUE_WRIST, rtol=0.003)
     off = (found.covariance.values - TRUE_WRIST.ravel()) / found.covariance.error
     assert (np.abs(off) < 3.5).all()
 

@@ -62,9 +62,9 @@ def arm(tmp_path_factory):
 def test_gravity_pins_the_gains(arm):
     """With the nominal bodies held: gains and friction of all joints, within their intervals."""
     friction = fitted(logged(wrist.dataset(arm, wrist.frame(arm))), FrictionBlock(), GainBlock())
-    gain = np.asarray(friction.calibration.gain)
+    gain = friction.calibration.gain
     assert gain == pytest.approx(GAINS, rel=0.01)
-    assert np.asarray(friction.theta) == pytest.approx(FRICTION, rel=0.03)
+    assert friction.theta == pytest.approx(FRICTION, rel=0.03)
     low, high = intervals(friction, "gain").T
     assert ((low < GAINS) & (GAINS < high)).all() and (high - low < 0.05).all()
 
@@ -76,7 +76,7 @@ def test_a_known_payload_pins_the_gains_of_unknown_bodies(arm):
     known = {"heavy": {"payload_mass": 3.0, "payload_x": 0.1}}
     data = logged(wrist.dataset(arm, frames, parameters=known))
     friction = fitted(data, FrictionBlock(), InertiaBlock(), GainBlock())
-    assert np.asarray(friction.calibration.gain) == pytest.approx(GAINS, rel=0.03)
+    assert friction.calibration.gain == pytest.approx(GAINS, rel=0.03)
     alone = replace(data, recordings=data.recordings[:1])
     with assert_refused("only ratios of inertia, gravity and friction"):
         fitted(alone, FrictionBlock(), InertiaBlock(), GainBlock())
@@ -107,7 +107,7 @@ def test_a_slow_vertical_axis_does_not_show_its_gain(tmp_path):
         fitted(data, FrictionBlock(), GainBlock())
     blocks = blocks_of(["friction", "gain"], ["gain.turn"], {}, "here")
     friction = fitted(data, *blocks)
-    assert np.asarray(friction.calibration.gain) == pytest.approx([1.0, 0.7], rel=0.01)
+    assert friction.calibration.gain == pytest.approx([1.0, 0.7], rel=0.01)
 
 
 def test_a_joint_that_is_not_there_cannot_be_kept(arm):
@@ -191,17 +191,17 @@ def test_a_fit_to_little_motion_is_consistent(tree):
     """The free one has bodies that there cannot be, and finds no viscous friction of joint 1."""
     short = wrist.dataset(tree, wrist.frame(tree, seconds=1.5))
     free, held = (fitted_by(short, consistent=flag) for flag in (False, True))
-    assert off(tree, np.asarray(free.calibration.base)) > 0.1
-    base = np.asarray(held.calibration.base)
+    assert off(tree, free.calibration.base) > 0.1
+    base = held.calibration.base
     assert off(tree, base) < 1e-6 and least(tree, base) > 0
-    errors = [np.abs(np.asarray(f.theta)[:, 1] - wrist.VISCOUS).max() for f in (free, held)]
+    errors = [np.abs(f.theta[:, 1] - wrist.VISCOUS).max() for f in (free, held)]
     assert errors[1] < 0.5 * errors[0]
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_fit_to_hardly_any_motion_keeps_masses_positive_definite(tree, seed):
     short = wrist.dataset(tree, wrist.frame(tree, seconds=0.8, seed=seed))
-    assert least(tree, np.asarray(fitted_by(short).calibration.base)) > 0
+    assert least(tree, fitted_by(short).calibration.base) > 0
 
 
 def test_a_fit_that_is_consistent_anyway_stays(tree):
@@ -262,7 +262,7 @@ def fitted_load(geared, loss, by_pose=(0.0, 0.0)):
 def test_the_share_that_a_gear_swallows_is_found(geared, tmp_path):
     """The load is the torque beyond the rotor; the motor's own would explain friction by itself."""
     found, _ = fitted_load(geared, LOSS)
-    by_name = dict(zip(found.law.names, np.asarray(found.theta).T, strict=True))
+    by_name = dict(zip(found.law.names, found.theta.T, strict=True))
     assert found.units_at(0) == ("N m", "1", "N m s/rad")  # N m of friction for each of load
     save_model(found, tmp_path / "model.json")
     assert load_model(tmp_path / "model.json").units_at(1) == found.units_at(1)
@@ -279,7 +279,7 @@ def test_friction_by_the_pose_is_no_load_of_a_joint_that_carries_nothing(tmp_pat
     geared = urdf(tmp_path / "arm.urdf").with_values({"rotor_one": 0.2, "rotor_two": 0.1})
     found, load = fitted_load(geared, np.array([0.12, 0.0]), by_pose=(0.0, 0.1))
     assert load[:, 1].mean() < 2e-4
-    coulomb, coefficient, _ = np.asarray(found.theta).T
+    coulomb, coefficient, _ = found.theta.T
     assert_allclose(coefficient, [0.12, 0.0], atol=0.002)
     assert 0.4 < coulomb[1] < 0.44
 
@@ -327,6 +327,6 @@ def test_a_peak_is_no_larger_than_what_the_slowest_rows_show():
     least = np.abs(balance.nodes.inputs.w[balance.stencil]).min(axis=1)[balance.slides]
     assert 0.03 < least.min() < balance.slowest[0, 0]
     found = fit_torques(LeastSquares(Stribeck()), balance, (FrictionBlock(),), TorqueSettings())
-    coulomb, peak, velocity, _ = np.asarray(found.friction.theta)[0]
+    coulomb, peak, velocity, _ = found.friction.theta[0]
     assert velocity >= balance.slowest[0, 0] * (1 - 1e-9)
     assert 0.04 < coulomb and coulomb + peak < 3.0 * 0.10

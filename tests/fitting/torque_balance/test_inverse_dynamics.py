@@ -97,8 +97,8 @@ def test_truth_in_truth_out(clean):
     method = InverseDynamics(blocks=BOTH)
     friction = fit_model(clean, LeastSquares(Stribeck()), method)
     assert (curve_error(friction) < 0.02).all()
-    true = np.asarray(true_system(rig(0.0)).p)
-    assert np.asarray(friction.calibration.base) == pytest.approx(true, rel=0.01)
+    true = true_system(rig(0.0)).p
+    assert friction.calibration.base == pytest.approx(true, rel=0.01)
     assert float(friction.calibration.delay) == pytest.approx(0.003, abs=2e-4)
     refined = friction.provenance.refined
     assert refined.settled
@@ -123,7 +123,7 @@ def test_the_balance_holds_along_exact_motion():
     """Y p + Tf = u, against accelerations of the equations of motion, to fourth order."""
     mechanism = double_pendulum(**NOMINAL)
     data = simulate(rig(0.0, recordings=1, samples=40), 3)
-    p = np.asarray(plant_of(data).p)[0]
+    p = plant_of(data).p[0]
     off = []
     motion = ((1.0, 2.0),), ((0.5, 3.0),)
     for dt in (0.02, 0.01):
@@ -200,7 +200,7 @@ def test_a_held_inertia_leaves_the_one_step_fit(clean):
     alone = InverseDynamics(blocks=(FrictionBlock(), DelayBlock()))
     friction = fit_model(exact, LeastSquares(Stribeck()), alone)
     assert (curve_error(friction) < 0.02).all()
-    assert friction.calibration.base == pytest.approx(np.asarray(plant_of(exact).p)[0])
+    assert friction.calibration.base == pytest.approx(plant_of(exact).p[0])
 
 
 def test_folds_do_not_see_what_they_hold_out():
@@ -213,7 +213,7 @@ def test_folds_do_not_see_what_they_hold_out():
         benchmark = Benchmark(one, folds, Protocol(horizons=(0.25,)))
         method = InverseDynamics(blocks=(FrictionBlock(), InertiaBlock()))
         result = run(benchmark, COULOMB, method)
-        theta.append(np.asarray(result.friction.theta)[folds.labels[0][0]])
+        theta.append(result.friction.theta[folds.labels[0][0]])
     assert theta[0] == pytest.approx(theta[1], rel=1e-9)
 
 

@@ -25,11 +25,14 @@ class Plain(Law):
     def __repr__(self):
         return type(self).__name__
 
+    def level(self, theta, x):
+        return theta[..., 0] + 0.0 * x.w
+
     def torque(self, theta, x, memory):
-        return theta[..., 0] * np.tanh(x.w / self.width) + theta[..., 1] * x.w
+        return self.level(theta, x) * np.tanh(x.w / self.width) + theta[..., 1] * x.w
 
     def limit(self, theta, x, memory):
-        return theta[..., 0] + 0.0 * x.w
+        return self.level(theta, x)
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,10 +43,7 @@ class Rough(Plain):
     shape = ""
     uses_load = True
 
-    def torque(self, theta, x, memory):
-        return theta[..., 0] * x.load * np.tanh(x.w / self.width) + theta[..., 1] * x.w
-
-    def limit(self, theta, x, memory):
+    def level(self, theta, x):
         return theta[..., 0] * x.load + 0.0 * x.w
 
 

@@ -287,7 +287,7 @@ GAPS = (0.0079, 0.008, 0.0081, 0.0093, 0.012, 0.03)
 RECOVERED += [(Play(), [[0.1, 0.02, gap], [0.05, 0.02, 2 * gap]], 1e-3) for gap in GAPS]
 for way in (0.003, 0.1):
     both = [[0.1, 0.02, way], [0.05, 0.02, way / 2]]
-    RECOVERED += [(Dahl(), both), (Dahl(), both * [[100, 100, 1], [1, 1, 1]])]
+    RECOVERED += [(Dahl(), both), (Dahl(), both * np.array([[100, 100, 1], [1, 1, 1]]))]
     RECOVERED += [(LuGre(), [[0.1, 0.06, ws, 0.02, way, 0.3, 0.5]]) for ws in (1.5, 4.0)]
 for lag in (0.01, 0.3):
     RECOVERED += [(FilmLag(), [[0.1, 0.06, ws, 0.02, lag]]) for ws in (0.6, 4.0)]
