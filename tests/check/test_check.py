@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
-from fixtures.changed_data import changed
+from fixtures.changed_data import changed, measured
 from fixtures.driven_pendulum import simulated
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
@@ -55,12 +55,9 @@ def swings():
 
 def drawn(dataset, rng, count=5, noise=1e-3):
     """Some of the recordings with measurement noise."""
-    out = []
-    for i in rng.choice(len(dataset.recordings), count, False):
-        r = dataset.recordings[i]
-        value = r.angle.value + noise * rng.standard_normal(r.angle.value.shape)
-        out.append(replace(r, angle=r.angle._replace(value=value), truth=None))
-    return replace(dataset, recordings=tuple(out))
+    chosen = rng.choice(len(dataset.recordings), count, False)
+    noisy = (measured(dataset.recordings[i], noise, rng) for i in chosen)
+    return replace(dataset, recordings=tuple(noisy))
 
 
 def logged(dataset):

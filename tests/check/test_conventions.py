@@ -25,21 +25,21 @@ from frictionid.simulate import Camera, Multisine, Rig, Run, simulate
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 0.3}}
 
 
-def _timed(dataset: Dataset, factor: float) -> Dataset:
+def _timed(dataset, factor):
     """Some recordings with the numbers of their times multiplied."""
 
-    def timed(r: Recording) -> Recording:
+    def timed(r):
         return Recording(r.name, *(x._replace(time=factor * x.time) for x in (r.angle, r.torque)))
 
     return each(_fifth(dataset), timed)
 
 
-def _fifth(dataset: Dataset) -> Dataset:
+def _fifth(dataset):
     return replace(dataset, recordings=dataset.recordings[::5])
 
 
 @pytest.fixture(scope="module")
-def acrobot() -> Dataset:
+def acrobot():
     return load_dataset(DATA / "acrobot_clean")
 
 
@@ -83,7 +83,7 @@ def test_all_signals_are_on_the_corrected_clock():
     assert found[0].numbers["factor"] == 1e-3
 
 
-def _with_second(dataset: Dataset, angle: float, torque: list[float]) -> Dataset:
+def _with_second(dataset, angle, torque):
     """Some recordings, angles and torques of the second one times factors."""
     every = _fifth(dataset)
     other = changed(every, "angle", lambda q: angle * q)
@@ -92,7 +92,7 @@ def _with_second(dataset: Dataset, angle: float, torque: list[float]) -> Dataset
     return replace(every, recordings=(first, other, *others))
 
 
-def _of_recordings(verdict) -> list[str]:
+def _of_recordings(verdict):
     return [f.text for f in verdict.findings if f.kind == "convention_of_recording"]
 
 
@@ -109,7 +109,7 @@ def test_torques_in_another_unit_are_told(acrobot, factor, kind):
 
 
 @pytest.fixture(scope="module")
-def pendulum() -> Dataset:
+def pendulum():
     torque = (Multisine(1.2, (0.4, 0.9, 1.6)),)
     runs = (Run(f"{k}", (0.3 * k,), torques=torque) for k in range(3))
     return simulated(0.1, 0.02, Camera(900, 60.0, 1e-3), runs, 1.0, 1.0)

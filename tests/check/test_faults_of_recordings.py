@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import planted_faults as pool
-from fixtures.changed_data import each, one_changed
+from fixtures.changed_data import each, one_changed, with_value
 from fixtures.driven_pendulum import driven_pendulum
 from numpy.testing import assert_allclose
 
@@ -24,15 +24,15 @@ def cases():
 def turned(r):
     """The zero of the first angle 5 degrees off."""
     first = np.arange(r.angle.value.shape[1]) == 0
-    return replace(r, angle=r.angle._replace(value=r.angle.value + np.radians(5.0) * first))
+    return with_value(r, "angle", lambda q: q + np.radians(5.0) * first)
 
 
 def in_degrees(r):
-    return replace(r, angle=r.angle._replace(value=np.degrees(r.angle.value)))
+    return with_value(r, "angle", np.degrees)
 
 
 def torque_times(factor):
-    return lambda r: replace(r, torque=r.torque._replace(value=factor * r.torque.value))
+    return lambda r: with_value(r, "torque", lambda u: factor * u)
 
 
 def spoiled(case, fault, odd):

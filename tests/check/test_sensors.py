@@ -28,7 +28,7 @@ HELD = 25  # samples
 MACHINE = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 0.5}}
 
 
-def _measured(samples: int, frozen: slice = slice(200, 300)) -> Measured:
+def _measured(samples, frozen=slice(200, 300)):
     """A swinging pendulum whose torque is held over 0.25 s, with exact states; one is frozen."""
     time = np.arange(samples) * 0.01
     q, w, a = np.sin(3 * time), 3 * np.cos(3 * time), -9 * np.sin(3 * time)
@@ -41,7 +41,7 @@ def _measured(samples: int, frozen: slice = slice(200, 300)) -> Measured:
     return Measured.of_dataset(Dataset("held", MACHINE, (recording,)), [motion])
 
 
-def _is_contradicted(measured: Measured, start: float, stop: float) -> bool:
+def _is_contradicted(measured, start, stop):
     """The definition: friction by least squares over all windows apart, and what it leaves."""
     rows = windows_of(measured.balances, WIDTH)
     torque = rows.means(measured.torque)[:, 0]
@@ -66,7 +66,7 @@ def test_frozen_torques_are_those_that_friction_of_all_other_windows_contradicts
     assert 0 < sum(found) < len(found)
 
 
-def _seconds(measured: Measured) -> float:
+def _seconds(measured):
     begin = time.process_time()
     frozen_torques(measured)
     return time.process_time() - begin

@@ -24,8 +24,12 @@ def table(arm):
     return wrist.frame(arm)
 
 
+def judged(arm, table, *gears, **options):
+    return check(wrist.dataset(arm, table, *gears, **options))
+
+
 def test_an_arm_without_traps_is_good_and_friction_of_its_coupled_motor_is_found(arm, table):
-    verdict = check(wrist.dataset(arm, table))
+    verdict = judged(arm, table)
     assert (verdict.level, kinds(verdict)) == ("good", {})
     signs = question(verdict, "signs, frames, units")
     assert signs.passed
@@ -41,7 +45,7 @@ def test_an_arm_without_traps_is_good_and_friction_of_its_coupled_motor_is_found
 def test_joints_that_move_in_turn_and_rest_most_of_the_time(tmp_path):
     """Each moves for 5 s of 195."""
     single = wrist.uncoupled(tmp_path)
-    verdict = check(wrist.dataset(single, wrist.frames_joint_by_joint(single)))
+    verdict = judged(single, wrist.frames_joint_by_joint(single))
     assert verdict.level == "good"
     assert all(0.95 < fact.at_rest < 0.99 for fact in verdict.joints)
     for j in range(3):
@@ -55,7 +59,7 @@ def test_joints_that_move_in_turn_and_rest_most_of_the_time(tmp_path):
 
 def test_a_joint_that_bears_no_load_hides_no_other_at_rest(tmp_path):
     upright = wrist.mechanism(tmp_path, gravity=[0.0, -9.81, 0.0])
-    verdict = check(wrist.dataset(upright, wrist.frames_joint_by_joint(upright)))
+    verdict = judged(upright, wrist.frames_joint_by_joint(upright))
     rest = answers(verdict, "gravity at rest").values()
     assert ["hardly rests" in answer.words for answer in rest] == [True, False, False]
     signs = answers(verdict, "sign of torque")
@@ -69,7 +73,7 @@ def test_a_joint_that_bears_no_load_hides_no_other_at_rest(tmp_path):
 def test_friction_of_a_coupled_motor_that_is_not_declared_stays_unexplained(arm, table, tmp_path):
     """The balances of the joints that it turns show it."""
     without = wrist.uncoupled(tmp_path)
-    own, usual = (check(wrist.dataset(a, table)).estimate.spread for a in (without, arm))
+    own, usual = (judged(a, table).estimate.spread for a in (without, arm))
     assert own[0] < 1.5 * usual[0]
     assert (own[1:] > 3.0 * usual[1:]).all()
 
@@ -78,7 +82,7 @@ def test_torques_of_the_load_in_place_of_the_motors(tmp_path):
     single = wrist.uncoupled(tmp_path)
     table = wrist.frame(single)
     table[wrist.COLUMNS[1]] *= -1.0
-    first = check(wrist.dataset(single, table)).findings[0]
+    first = judged(single, table).findings[0]
     assert first.kind == "flipped_torque" and "all torques have the wrong sign" in first.text
 
 
@@ -110,7 +114,7 @@ def test_the_torque_of_one_joint_in_another_unit(arm, table, joint, size):
 def test_the_sign_of_a_gear(arm, table, motor):
     """Of the motor that turns with two joints, too, and of one whose zero is not the joint's."""
     wrong = wrist.GEARS * np.where(np.arange(3) == motor, -1.0, 1.0)[:, None]
-    verdict = check(wrist.dataset(arm, table, wrong))
+    verdict = judged(arm, table, wrong)
     first = verdict.findings[0]
     assert first.kind.startswith("flipped") and verdict.level != "good"
     assert f"the gear of motor {motor + 1} has the wrong sign" in first.text
@@ -136,16 +140,16 @@ def test_a_velocity_that_a_filter_makes_late(arm, table):
     """Of one joint; a good one is not named, and one in the wrong unit is no late one."""
     good = with_velocity(table)
     names = ["w1", "w2", "w3"]
-    assert kinds(check(wrist.dataset(arm, good, velocity=names))) == {}
+    assert kinds(judged(arm, good, velocity=names)) == {}
     late, value = good.copy(), good["w1"].to_numpy().copy()
     for k in range(1, len(value)):
         value[k] += 0.95 * (value[k - 1] - value[k])  # 0.1 s
     late["w1"] = value
-    found = kinds(check(wrist.dataset(arm, late, velocity=names)))
+    found = kinds(judged(arm, late, velocity=names))
     assert list(found) == ["late_velocity"] and found["late_velocity"].joint == 1
     assert 0.05 < found["late_velocity"].numbers["delay"] < 0.1
     turned = good.assign(w2=-good["w2"])
-    found = kinds(check(wrist.dataset(arm, turned, velocity=names)))
+    found = kinds(judged(arm, turned, velocity=names))
     assert "wrong_velocity" in found and "late_velocity" not in found
 
 
@@ -153,23 +157,23 @@ def test_a_current_that_is_zero_but_for_some_readings(arm, table):
     """No verdict on anything else follows from it; a motor that is off for seconds is not dead."""
     draw = np.random.default_rng(1)
     silent = np.where(draw.random(len(table)) < 0.1, 0.002 * draw.integers(-3, 4, len(table)), 0.0)
-    found = kinds(check(wrist.dataset(arm, table.assign(u1=silent))))
+    found = kinds(judged(arm, table.assign(u1=silent)))
     assert list(found) == ["dead_torque"] and found["dead_torque"].joint == 1
     off = np.where(table["t"] < 8.0, 0.0, table["u1"])
-    assert "dead_torque" not in kinds(check(wrist.dataset(arm, table.assign(u1=off))))
+    assert "dead_torque" not in kinds(judged(arm, table.assign(u1=off)))
 
 
 def test_stamps_that_jitter_where_positions_do_not(arm, table):
     """Stamps that tell when the positions were read are no trap, however uneven."""
     off = 0.0007 * np.random.default_rng(2).standard_normal(len(table)).clip(-2, 2)
-    finding = kinds(check(wrist.dataset(arm, table.assign(t=table["t"] + off))))["jittering_stamps"]
+    finding = kinds(judged(arm, table.assign(t=table["t"] + off)))["jittering_stamps"]
     assert finding.level == "good" and "times 0.005 s" in finding.remedy
     assert finding.numbers["scatter"] < 0.7
     uneven = table.copy()
     for name in table.columns[1:]:
         uneven[name] = np.interp(table["t"] + off, table["t"], table[name])
     uneven["t"] = table["t"] + off
-    assert "jittering_stamps" not in kinds(check(wrist.dataset(arm, uneven)))
+    assert "jittering_stamps" not in kinds(judged(arm, uneven))
 
 
 SHORT = ("stop = 67.9", "stop = 35.0")
@@ -247,7 +251,7 @@ def answers(verdict, about):
 def test_zeros_that_are_off_by_quarter_turns_are_no_wrong_gears(arm, table, turns):
     """As given by motors whose zeros are not those of the file: all rivals are tested together."""
     wrong = wrist.ZERO - np.radians([*turns, 0])
-    first = check(wrist.dataset(arm, table, offset=wrong)).findings[0]
+    first = judged(arm, table, offset=wrong).findings[0]
     assert first.kind == "shifted_angle"
     off = [f"{turn:+d} degrees to angle {j}" for j, turn in enumerate(turns, start=1) if turn]
     assert f"add {', '.join(off)}: " in first.text
@@ -256,7 +260,7 @@ def test_zeros_that_are_off_by_quarter_turns_are_no_wrong_gears(arm, table, turn
 
 def test_the_zero_of_a_vertical_first_axis_does_not_show(tmp_path):
     upright = wrist.mechanism(tmp_path, gravity=[0.0, -9.81, 0.0])
-    verdict = check(wrist.dataset(upright, wrist.frame(upright)))
+    verdict = judged(upright, wrist.frame(upright))
     words = sorted(e.words for e in verdict.model_errors if e.kind == "zero")
     assert words == ["the zero of angle 2", "the zero of angle 3"]
     assert verdict.level == "good"
@@ -265,7 +269,7 @@ def test_the_zero_of_a_vertical_first_axis_does_not_show(tmp_path):
 def test_rotors_that_are_not_given_are_no_misfit_of_the_mechanism(arm, table):
     """They are asked for, and nothing else is suspected for their sake: no gain, sign or delay."""
     bare = arm.with_values(dict.fromkeys(wrist.PARAMETERS, 0.0))
-    verdict = check(wrist.dataset(bare, table))
+    verdict = judged(bare, table)
     assert set(kinds(verdict)) == {"missing_rotors"} and verdict.level == "good"
     asked = dict(re.findall(r"(rotor_\w+) = ([\d.]+)", verdict.findings[0].text))
     for name in ("rotor_one", "rotor_two"):
@@ -279,7 +283,7 @@ def test_torques_that_explain_nothing_have_no_gain(arm, table):
     """A gain of nothing is not known, however small its error."""
     other = table.copy()
     other[wrist.COLUMNS[1]] = 1e3 * np.sin(np.outer(table["t"], [31.0, 37.0, 41.0]))
-    verdict = check(wrist.dataset(arm, other))
+    verdict = judged(arm, other)
     gain = identifiable(verdict, "torque gain")
     assert not gain.possible and "0.000 +- 0.000" not in gain.reason
     for answer in answers(verdict, "sign of torque").values():

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import driven_wrist
-from fixtures.refusals import assert_refused
+from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.tiny_pendulums import TRUTH, dataset, write_dataset
 
 from frictionid.evaluation import Protocol, prepare, score_model, score_value
@@ -92,7 +92,5 @@ def test_the_command_writes_the_table(tmp_path, name, run):
         "w1",
         "measured_q1",
     ]
-    code, _, err = run(tmp_path, *words)
-    assert code == 2 and "exists: choose another name, or --replace" in err
-    code, _, err = run(tmp_path, *words[:-1], 9, "--replace")
-    assert code == 2 and "choose other horizons" in err
+    assert_one_line(run(tmp_path, *words), "exists: choose another name, or --replace")
+    assert_one_line(run(tmp_path, *words[:-1], 9, "--replace"), "choose other horizons")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.changed_data import with_value
 from fixtures.memory_laws import Sampled
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
@@ -212,10 +213,14 @@ def test_a_short_recording_beside_long_ones_is_left_out():
 # --- Which fold predicts -------------------------------------------------------------------------
 
 
+def folds_of(count, kind):
+    return make_folds(dataset().recordings, Split(count=count, kind=kind))
+
+
 @pytest.mark.parametrize("kind", ["recordings", "blocks", "shuffled"])
 def test_a_start_belongs_to_the_fold_that_holds_out_its_whole_horizon(kind):
     data = dataset()
-    folds = make_folds(data.recordings, Split(count=5, kind=kind))
+    folds = folds_of(5, kind)
     states = KalmanFilter()([r.angle for r in data.recordings])
     starts = starts_of(data, states)
     found = initial_state_folds(starts, folds, states)
@@ -233,16 +238,14 @@ def test_a_start_belongs_to_the_fold_that_holds_out_its_whole_horizon(kind):
 
 
 def test_blocks_shorter_than_a_horizon_are_refused(prepared):
-    data = dataset()
-    folds = make_folds(data.recordings, Split(count=100, kind="blocks"))
+    folds = folds_of(100, "blocks")
     with assert_refused(r"no fold holds out 0\.3 s of motion.*fewer folds"):
         initial_state_folds(prepared.initial_states, folds, prepared.causal)
 
 
 @pytest.mark.parametrize("kind", ["recordings", "blocks"])
 def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(prepared, kind):
-    data = dataset()
-    folds = make_folds(data.recordings, Split(count=4, kind=kind))
+    folds = folds_of(4, kind)
     friction = Friction(CoulombViscous(), [[[0.0, 0.1 * f]] for f in range(4)])
     rows, *_ = score_folds(friction, friction[0], prepared, folds)
     held_out, starts = lines(rows), prepared.initial_states
@@ -331,7 +334,7 @@ def test_other_parameters_replace_the_mechanisms_and_nothing_is_estimated_anew(p
 
 def test_examples_are_predictions_beside_what_was_measured(prepared):
     data = dataset()
-    folds = make_folds(data.recordings, Split(count=4, kind="blocks"))
+    folds = folds_of(4, "blocks")
     friction = true_friction(TRUTH)
     for motions in (
         score_model(friction, prepared)[1],
@@ -354,12 +357,10 @@ def test_examples_are_predictions_beside_what_was_measured(prepared):
 
 def test_the_best_example_is_one_of_motion():
     data = dataset()
-    first = data.recordings[0]
-    still = {
-        name: getattr(first, name)._replace(value=0.0 * getattr(first, name).value)
-        for name in ("angle", "torque")
-    }
-    resting = replace(data, recordings=(*data.recordings, replace(first, name="rest", **still)))
+    rest = replace(data.recordings[0], name="rest")
+    for name in ("angle", "torque"):
+        rest = with_value(rest, name, lambda x: 0.0 * x)
+    resting = replace(data, recordings=(*data.recordings, rest))
     _, motions, *_ = score_model(
         true_friction(TRUTH), prepare(resting, Protocol(horizons=HORIZONS))
     )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.exact_problems import everything
+from fixtures.exact_problems import fit_to_all
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -41,7 +41,7 @@ def test_the_rotor_of_a_coupled_motor_adds_to_all_its_joints(dataset):
 
 def test_one_step_finds_the_friction_of_all_four(dataset):
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL, 0.01)
-    found = LeastSquares(CoulombViscous()).fit(problem, everything(problem), 0)[0]
+    found = fit_to_all(LeastSquares(CoulombViscous()), problem)[0]
     assert_allclose(found.theta, TRUE, rtol=0.03)
 
 

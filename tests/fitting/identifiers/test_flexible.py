@@ -5,7 +5,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import cost, everything, explained_by
+from fixtures.exact_problems import cost, explained_by, fit_to_all
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
@@ -44,7 +44,7 @@ def test_a_curve_does_not_drive():
     """A level below zero counts as zero, and then the law is no longer linear."""
     law = Spline((1.0, 4.0), 1)
     problem = explained_by(law, [[0.1, -0.15]])
-    found = LeastSquares(law).fit(problem, everything(problem), 0)
+    found = fit_to_all(LeastSquares(law), problem)
     assert (found[0].curve(np.array([3.0, 5.0]))[:, 0] >= 0).all()
 
 
@@ -92,14 +92,14 @@ def test_a_joint_that_slides_in_fewer_rows_than_it_has_parameters_has_no_frictio
     problem = synthetic_problem(2)
     G = problem.G.copy()
     G[3:, :, 1] = 0.0
-    fit = LeastSquares(Spline(KNOTS)).fit(replace(problem, G=G), everything(problem), 0)
+    fit = fit_to_all(LeastSquares(Spline(KNOTS)), replace(problem, G=G))
     assert (fit.theta[0, 0, 0] > 0.0) and (fit.theta[0, 1] == 0.0).all()
 
 
 def test_the_curve_that_calibrates_is_near_any_and_made_for_the_speeds_of_the_data():
     truth = np.array([[0.1, 0.04, 1.5, 0.02]])
     problem = explained_by(Stribeck(), truth)
-    found = Flexible().fit(problem, everything(problem), 0)[0]
+    found = fit_to_all(Flexible(), problem)[0]
     fastest = np.abs(problem.nodes.inputs.w).max()
     assert found.law.knots[-1] == pytest.approx(fastest / 2) and found.law.uses_load
     w = np.linspace(0.1, fastest, 200)
@@ -108,4 +108,4 @@ def test_the_curve_that_calibrates_is_near_any_and_made_for_the_speeds_of_the_da
     still = problem.nodes.inputs._replace(w=0.0 * problem.nodes.inputs.w)
     problem = replace(problem, nodes=problem.nodes._replace(inputs=still))
     with assert_refused("no joint moves in a fold"):
-        Flexible().fit(problem, everything(problem), 0)
+        fit_to_all(Flexible(), problem)

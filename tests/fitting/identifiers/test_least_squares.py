@@ -37,7 +37,8 @@ from frictionid.friction.laws import CoulombViscous, Stribeck
 CLEAN = DATA / "acrobot_clean"
 
 
-def fit(law, problem, weights, robust=None, **settings):
+def fit(law, problem, weights=None, robust=None, **settings):
+    weights = everything(problem) if weights is None else weights
     return LeastSquares(law, robust=robust, **settings).fit(problem, weights, 0)
 
 
@@ -97,7 +98,7 @@ def test_a_joint_that_only_creeps_is_named_where_joints_at_rest_are_left_open(n)
     x, last = problem.nodes.inputs, np.arange(n) == n - 1
     slow = problem.nodes._replace(inputs=x._replace(w=np.where(last, 1e-3 * x.w, x.w)))
     with assert_refused(f"joint {n} slides in no row"):
-        fit(Stribeck(), mask_stiction(replace(problem, nodes=slow), 0.2), everything(problem))
+        fit(Stribeck(), mask_stiction(replace(problem, nodes=slow), 0.2))
 
 
 @pytest.mark.parametrize("equal", [(), ((1, 2),)])
@@ -131,7 +132,7 @@ def test_rows_that_are_not_finite_never_pass_in_silence(field, value):
     spoilt = getattr(problem, field).copy()
     spoilt[7] = value
     with np.errstate(all="ignore"), assert_refused("not finite"):
-        fit(Stribeck(), replace(problem, **{field: spoilt}), everything(problem))
+        fit(Stribeck(), replace(problem, **{field: spoilt}))
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ class Cliff(Drag):
 def test_steps_that_leave_a_laws_domain_are_taken_back():
     problem = explained_by(Drag(), [[0.1, 0.02, 1.4]])
     Cliff.met.clear()
-    found = fit(with_initial(Cliff(1.6), (0.0, 0.1, 0.9)), problem, everything(problem))
+    found = fit(with_initial(Cliff(1.6), (0.0, 0.1, 0.9)), problem)
     assert any(Cliff.met)
     assert_allclose(found.theta[0], [[0.1, 0.02, 1.4]], rtol=1e-6)
 
@@ -159,7 +160,7 @@ def test_steps_that_leave_a_laws_domain_are_taken_back():
 def test_a_law_that_is_not_finite_at_its_start_or_at_the_best_fit_is_an_error(start):
     problem = explained_by(Drag(), [[0.1, 0.02, 1.4]])
     with assert_refused("look for such rows in the problem, and for parameters"):
-        fit(with_initial(Cliff(1.0), (0.1, 0.02, start)), problem, everything(problem))
+        fit(with_initial(Cliff(1.0), (0.1, 0.02, start)), problem)
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e9])
@@ -287,8 +288,7 @@ def test_a_robust_fit_sees_through_rows_that_are_wrong():
     error = standard_errors(Stribeck(), STRIBECK, problem, noise)
     wrong = spoilt(problem, rng)
     plain, robust = (
-        fit(Stribeck(), wrong, everything(problem), robust=clip, neutral=False).theta[0]
-        for clip in (None, 3.0)
+        fit(Stribeck(), wrong, robust=clip, neutral=False).theta[0] for clip in (None, 3.0)
     )
     assert (np.abs(robust - STRIBECK) < 4 * error).all()
     assert (np.abs(plain - STRIBECK) > 8 * error).any()

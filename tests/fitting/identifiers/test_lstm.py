@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from fixtures import tiny_pendulums as tiny
-from fixtures.exact_problems import cost, everything, explained_by
+from fixtures.exact_problems import cost, everything, explained_by, fit_to_all
 from fixtures.learned_laws import assert_slopes_in_memory, costs_of_rows, drawn
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -148,14 +148,14 @@ def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_row
     problem = synthetic_problem(1)
     longest = len(problem.r)
     one, two = (
-        replace(SMALL, epochs=1, targets=t, batch=b).fit(problem, everything(problem), 0)
+        fit_to_all(replace(SMALL, epochs=1, targets=t, batch=b), problem)
         for t, b in ((longest, 256), (10**7, 10**12))
     )
     assert_allclose(one.theta, two.theta, rtol=1e-6, atol=1e-9)
     rows = Network(MLP((4,)), epochs=1, batch=10**12)
-    assert np.isfinite(rows.fit(problem, everything(problem), 0).theta).all()
+    assert np.isfinite(fit_to_all(rows, problem).theta).all()
     with assert_refused("burn_in = 100000 samples .* longest recording"):
-        replace(SMALL, burn_in=100000).fit(problem, everything(problem), 0)
+        fit_to_all(replace(SMALL, burn_in=100000), problem)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from fixtures.exact_problems import BY_DIRECTION as TRUTH
-from fixtures.exact_problems import cost, everything, explained_by
+from fixtures.exact_problems import cost, everything, explained_by, fit_to_all
 from fixtures.learned_laws import assert_slopes_in_memory, costs_of_rows, drawn
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_refused
@@ -93,7 +93,7 @@ def test_other_joints_count_when_they_are_asked_for():
 
 def test_it_finds_a_curve_that_is_none_of_its_own():
     problem = explained_by(Stribeck(symmetric=False), TRUTH, 5e-4, 1)
-    found = CompressedNetwork(MLP()).fit(problem, everything(problem), 0)
+    found = fit_to_all(CompressedNetwork(MLP()), problem)
     fast = np.quantile(np.abs(problem.nodes.inputs.w), 0.95)
     w = np.linspace(-fast, fast, 401)
     grid = np.repeat(w[:, None], 2, axis=1)
@@ -101,7 +101,7 @@ def test_it_finds_a_curve_that_is_none_of_its_own():
         found.curve(w)[0], Friction(Stribeck(symmetric=False), TRUTH).curve(w), grid
     )
     assert (error < 0.05).all()
-    line = LeastSquares(Stribeck()).fit(problem, everything(problem), 0)
+    line = fit_to_all(LeastSquares(Stribeck()), problem)
     weights = everything(problem)
     assert cost(problem, weights, found) < cost(problem, weights, line)
 

@@ -6,7 +6,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import explained_by, fit_to_all
 from fixtures.paths import DATA, ROOT
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -56,7 +56,7 @@ def test_it_keeps_to_the_contracts(own):
 def test_it_finds_the_numbers_of_its_own_law(own):
     true = np.array([[0.16, 0.01, 0.003], [0.05, 0.002, 0.0004]])
     problem = explained_by(own.law, true)
-    fitted = own.fit(problem, everything(problem), 0)
+    fitted = fit_to_all(own, problem)
     assert_allclose(fitted.theta[0], true, rtol=1e-6)
 
 

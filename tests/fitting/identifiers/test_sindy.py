@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from fixtures.driven_pendulum import driven_pendulum
-from fixtures.exact_problems import COULOMB, cost, everything, explained_by, half_widths
+from fixtures.exact_problems import COULOMB, cost, everything, explained_by, fit_to_all, half_widths
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
 from numpy.random import default_rng
@@ -229,7 +229,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say():
     inside = []
     for seed in range(40):
         problem = explained_by(CoulombViscous(), COULOMB, 1e-3, seed)
-        found = LeastSquares(CoulombViscous()).fit(problem, everything(problem), 0)[0]
+        found = fit_to_all(LeastSquares(CoulombViscous()), problem)[0]
         half = half_widths(found, problem, everything(problem)[0])
         inside.append(np.abs(found.theta - COULOMB) < half)
     assert 0.85 < np.mean(inside) < 0.995

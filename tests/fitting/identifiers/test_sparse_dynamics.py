@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fixtures.black_box_pendulum import LENGTH, MASS, VISCOUS, acceleration, pendulum
 from fixtures.compared import compare
-from fixtures.exact_problems import everything
+from fixtures.exact_problems import fit_to_all
 from fixtures.refusals import assert_refused
 from scipy.integrate import solve_ivp
 
@@ -159,4 +159,4 @@ def test_it_predicts_what_was_held_out(kind):
 def test_problems_with_masked_rows_are_refused(kind):
     problem = mask_stiction(synthetic_problem(1), 1.0)
     with assert_refused("velocity_threshold = 0"):
-        box(kind).fit(problem, everything(problem), 0)
+        fit_to_all(box(kind), problem)

@@ -39,9 +39,16 @@ def fitted(data, *free):
     return fit, {(row.block, row.parameter): row.value for row in fit.frame.itertuples()}
 
 
+def findings_of(verdict):
+    return {row.kind: row for row in verdict.findings.itertuples()}
+
+
 def found_of(data, *free):
+    return friction_and_delay(fitted(data, *free)[1])
+
+
+def friction_and_delay(found):
     """Coulomb and viscous friction, and the delay of the targets."""
-    found = fitted(data, *free)[1]
     return [found["friction", "coulomb"], found["friction", "viscous"], found[LATE]]
 
 
@@ -56,9 +63,7 @@ def loose():
 
 def test_friction_delay_and_backlash_are_found_from_targets_alone(loose):
     _, found = loose
-    assert found["friction", "coulomb"] == pytest.approx(LOOSE.coulomb, rel=0.05)
-    assert found["friction", "viscous"] == pytest.approx(LOOSE.viscous, rel=0.05)
-    assert found[LATE] == pytest.approx(LOOSE.delay, abs=1e-3)
+    assert_found(LOOSE, friction_and_delay(found))
     assert found["backlash", "backlash"] == pytest.approx(BACKLASH, rel=0.2)
 
 
@@ -131,7 +136,7 @@ def test_a_backlash_or_late_target_needs_a_servo():
 
 def test_check_names_late_targets_backlash_and_what_one_payload_cannot_tell():
     verdict = fid.check(dataset(LOOSE))
-    found = {row.kind: row for row in verdict.findings.itertuples()}
+    found = findings_of(verdict)
     assert found["late_targets"].numbers["delay"] == pytest.approx(LOOSE.delay, abs=1e-3)
     assert found["backlash"].numbers["backlash"] == pytest.approx(BACKLASH, rel=0.2)
     assert "grows with the load cannot be seen" in found["one_payload"].text
@@ -165,7 +170,7 @@ def test_check_asks_for_another_gain_set_but_for_no_other_payload_where_there_ar
 
 def test_two_payloads_show_friction_that_grows_with_the_load():
     data = two_payloads(load=0.15)
-    found = {row.kind: row for row in fid.check(data).findings.itertuples()}
+    found = findings_of(fid.check(data))
     assert found["load"].numbers["size"] == pytest.approx(0.15, rel=0.1)
     assert "one_payload" not in found
     fit = fid.fit(data, "motor_load", method="shooting", free=["gain", "target_delay"])
@@ -210,7 +215,7 @@ def test_check_says_where_a_controller_is_too_fast_for_its_samples():
     rig = ServoPendulum()
     for P, D in ((10.0, 0.15), (20.0, 0.5), (100.0, 1.0)):
         data = dataset(rig, {"one": (P, D)}, runs=1, seconds=6.0)
-        found = {row.kind: row for row in fid.check(data).findings.itertuples()}
+        found = findings_of(fid.check(data))
         assert ("fast_loop" in found) == (D > 0.15)
         if D > 0.15:  # J/D over the time of a sample
             assert found["fast_loop"].numbers["samples"] == pytest.approx(0.01125 / D * 200)
@@ -222,7 +227,7 @@ def test_check_says_where_a_controller_is_too_fast_for_its_samples():
 def test_gains_of_a_fast_controller_that_are_too_large_are_no_wrong_sign():
     """Its torques, of noise for the most part, would change their sign with the angle's."""
     data = dataset(ServoPendulum(), {"one": (100.0, 1.0)}, runs=6, seconds=3.0, P=300.0, D=3.0)
-    found = {row.kind: row for row in fid.check(data).findings.itertuples()}
+    found = findings_of(fid.check(data))
     assert "fast_loop" in found and all(row.level != "unusable" for row in found.values())
     assert found["gain"].numbers["size"] == pytest.approx(1 / 3, rel=0.3)
 
@@ -387,8 +392,8 @@ def test_rotors_that_a_legs_file_lacks_are_found_also_where_bodies_have_them(tmp
     columns = {"time": "t", "angle": names[0], "actuator": actuator}
     data = fid.Dataset.from_frames({"air": frame.assign(t=time)}, rig, **columns)
     verdict = fid.check(data)
-    found = {row.kind: row.numbers for row in verdict.findings.itertuples()}
-    assert found["late_targets"]["delay"] == pytest.approx(0.01, abs=5e-4)
+    found = findings_of(verdict)
+    assert found["late_targets"].numbers["delay"] == pytest.approx(0.01, abs=5e-4)
     assert verdict.level == "good" and "missing_rotors" in found
     fit = fid.fit(data, "coulomb_viscous")
     added = fit.calibration.base - rig.nominal_base

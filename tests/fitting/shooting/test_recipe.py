@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fixtures.changed_data import with_value
 from fixtures.driven_pendulum import driven_pendulum
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
@@ -77,7 +78,7 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
     fold = 1
     held = [i for i, label in enumerate(benchmark().folds.labels) if (label == fold).all()]
     changed = tuple(
-        replace(r, angle=r.angle._replace(value=0.9 * r.angle.value)) if i in held else r
+        with_value(r, "angle", lambda q: 0.9 * q) if i in held else r
         for i, r in enumerate(dataset().recordings)
     )
     other = benchmark()._replace(dataset=replace(dataset(), recordings=changed))

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from fixtures.mistakes import changes, mistakes
-from fixtures.refusals import assert_refused
+from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.true_curves import curve_errors
 from numpy.testing import assert_allclose
 
@@ -141,5 +141,5 @@ def test_bounds_and_priors_from_the_command_line(axis, tmp_path, run):
     joint = json.loads(out.read_text())["joints"][0]
     assert 0.01 <= joint["stribeck_velocity"]["value"] <= 0.015
     assert joint["viscous"]["value"] == pytest.approx(20.0, abs=1e-3)
-    code, _, error = run(tmp_path, *words, "bounds.viscuos=[0, 1]", "--replace")
-    assert code == 2 and "did you mean 'viscous'" in error
+    outcome = run(tmp_path, *words, "bounds.viscuos=[0, 1]", "--replace")
+    assert_one_line(outcome, "did you mean 'viscous'")

@@ -8,8 +8,8 @@ from fixtures.exact_problems import (
     COULOMB,
     WAVES,
     assert_recovered,
-    everything,
     explained_by,
+    fit_to_all,
     splines,
 )
 from fixtures.memory_laws import Sampled
@@ -301,7 +301,7 @@ def test_truth_in_truth_out(case):
 
 def test_drag_alone_is_told_from_coulomb_friction_with_noise():
     problem = explained_by(Quadratic(), DRAG[:1] * [0, 0, 1], 1e-3)
-    found = LeastSquares(Quadratic()).fit(problem, everything(problem), 0).theta[0, 0]
+    found = fit_to_all(LeastSquares(Quadratic()), problem).theta[0, 0]
     assert found[2] == pytest.approx(0.003, rel=0.05) and found[0] < 0.002
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import explained_by, fit_to_all
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -195,7 +195,7 @@ def test_a_joint_that_has_just_moved_fast_slips_under_a_load_that_holds_it_later
 
 def test_friction_without_memory_has_the_least_lag_there_is():
     problem = explained_by(Stribeck(), FILM[:, :-1])
-    found = LeastSquares(FilmLag()).fit(problem, everything(problem), 0)
+    found = fit_to_all(LeastSquares(FilmLag()), problem)
     assert found.theta[0, 0, 4] == FilmLag().bounds[4][0]
     # along recorded nodes a film sees the mean of both ends: half an interval of lag remains
     assert_allclose(found.theta[0, :, :4], FILM[:, :-1], rtol=0.05)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import BY_DIRECTION, COULOMB, STRIBECK, WAVES, everything, explained_by
+from fixtures.exact_problems import BY_DIRECTION, COULOMB, STRIBECK, WAVES, explained_by, fit_to_all
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
@@ -61,7 +61,7 @@ def test_it_never_drives_however_large_its_amplitudes(base):
 def test_a_law_without_ripple_misses_it_and_one_with_it_finds_none_where_there_is_none():
     law = Ripple("stribeck")
     problem = explained_by(Stribeck(), STRIBECK)
-    found = LeastSquares(law).fit(problem, everything(problem), 0).theta[0]
+    found = fit_to_all(LeastSquares(law), problem).theta[0]
     assert_allclose(found[:, -2:], 0.0, atol=1e-6)
     assert_allclose(found[:, :-2], STRIBECK, rtol=1e-5)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by, splines
+from fixtures.exact_problems import explained_by, fit_to_all, splines
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -77,7 +77,7 @@ def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
     problem = synthetic_problem(1)
     fastest = np.abs(problem.nodes.inputs.w).max()
     law = Spline((0.5, 1.0, 2.0, 4.0, 6.0, 50.0, 90.0, 200.0), 1)
-    found = LeastSquares(law).fit(problem, everything(problem), 0)[0]
+    found = fit_to_all(LeastSquares(law), problem)[0]
     assert 6.0 < fastest < 50.0
     assert (found.theta[0, -2:] == 0.0).all() and (found.theta[0, 1:-2] != 0.0).all()
     curve = found.curve(np.array([50.0, 150.0, 300.0]))[:, 0]

@@ -65,6 +65,11 @@ def dynamics(mechanism, q, w):
     return mechanism.dynamics(mechanism.base({}), q, w)
 
 
+def assert_each_close(ours, theirs, **tolerance):
+    for one, other in zip(ours, theirs, strict=True):
+        assert_allclose(one, other, **tolerance)
+
+
 def test_what_is_fixed_needs_no_axis_and_may_be_welded_to_a_world_that_no_link_names(read):
     """As CAD exporters and Drake write them; half a turn about z leaves gravity as it is."""
     weld = joint("weld", "world", "base", "fixed").replace("0.3 0.2 0.1", "0 0 3.14159265358979")
@@ -73,8 +78,7 @@ def test_what_is_fixed_needs_no_axis_and_may_be_welded_to_a_world_that_no_link_n
     plain = read(TEXT)
     assert welded.joints == plain.joints
     q, w = np.ones((2, 3))
-    for ours, theirs in zip(dynamics(welded, q, w), dynamics(plain, q, w), strict=True):
-        assert_allclose(ours, theirs, rtol=1e-9)
+    assert_each_close(dynamics(welded, q, w), dynamics(plain, q, w), rtol=1e-9)
 
 
 def test_every_joint_that_can_move_does(read):
@@ -96,8 +100,7 @@ def test_locked_joints_stand_where_they_are_locked(read):
     q, w, _ = motions(0, (20, 3))
     q[:, 2], w[:, 2] = 0.7, 0.0
     (M, h), (small, force) = dynamics(whole, q, w), dynamics(part, q[:, :2], w[:, :2])
-    assert_allclose(small, M[:, :2, :2], atol=1e-12)
-    assert_allclose(force, h[:, :2], atol=1e-12)
+    assert_each_close((small, force), (M[:, :2, :2], h[:, :2]), atol=1e-12)
     moved = dynamics(read(TEXT, joints=["shoulder", "elbow"]), q[:, :2], w[:, :2])
     assert np.abs(moved[0] - small).max() > 1e-4
 
@@ -109,8 +112,7 @@ def test_beyond_a_base_link_the_rest_is_left_out(read):
     assert part.joints == ("gripper",)
     assert part == other
     q, w, _ = motions(0, (20, 1))
-    for ours, theirs in zip(dynamics(part, q, w), dynamics(other, q, w), strict=True):
-        assert_allclose(ours, theirs, atol=1e-14)
+    assert_each_close(dynamics(part, q, w), dynamics(other, q, w), atol=1e-14)
 
 
 def test_a_mechanism_is_what_its_file_says_and_how_it_is_read(read):
@@ -144,8 +146,7 @@ def test_a_payload_is_a_body_fixed_to_its_link(read):
     values |= {"Iyy": 2e-3, "Iyz": 1e-4, "Izz": 1.5e-3}
     q, w, _ = motions(0, (20, 3))
     p = arm.base({f"payload_{k}": v for k, v in values.items()})
-    for ours, theirs in zip(arm.dynamics(p, q, w), dynamics(whole, q, w), strict=True):
-        assert_allclose(ours, theirs, atol=1e-12)
+    assert_each_close(arm.dynamics(p, q, w), dynamics(whole, q, w), atol=1e-12)
     several = arm.base({"payload_mass": np.array([0.0, 0.7])})
     assert several.shape == (2, len(arm.base_names))
     assert_allclose(several[0], arm.base({}), rtol=0, atol=1e-15)
