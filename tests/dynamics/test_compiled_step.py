@@ -99,7 +99,7 @@ def test_the_motion_is_that_of_arrays(law, mechanism, gains, monkeypatch):
     """Also under a controller, and of laws that see its torque."""
     own, numbers = LAWS[law]
     plant = looped(MECHANISMS[mechanism], STARTS, gains)
-    friction = Friction(own, np.tile(np.array(numbers), (plant.parts, 1)))
+    friction = Friction(own, np.tile(numbers, (plant.parts, 1)))
     arrays, fast = both(monkeypatch, plant, friction)
     assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
     assert_allclose(fast.w, arrays.w, rtol=0, atol=1e-7)

@@ -51,7 +51,7 @@ def test_end_states_and_derivatives_are_those_of_arrays(case, gains, monkeypatch
     machine, law, numbers = CASES[case]
     random, n, count = np.random.default_rng(2), machine.n, len(numbers)
     m = len(machine.friction_names)
-    theta = np.tile(np.array(numbers), (m, 1))
+    theta = np.tile(numbers, (m, 1))
     plant = looped(machine, COUNT, gains)
     q, w = random.normal(size=(2, COUNT, n))
     w[::4] *= 0.05
@@ -84,7 +84,7 @@ def test_end_states_and_derivatives_are_those_of_arrays(case, gains, monkeypatch
 def test_only_what_is_free_has_derivatives(monkeypatch):
     """Of a law's parameters one joint may free others than the next one."""
     machine, law, n = double_pendulum(), known.Stribeck(symmetric=False), 2
-    theta = np.tile(np.array(STRIBECK), (n, 1))
+    theta = np.tile(STRIBECK, (n, 1))
     plant = looped(machine, COUNT)
     nodes = np.concatenate([*np.random.default_rng(3).normal(size=(2, COUNT, n))], axis=-1)
     reads = reads_of(law, theta, Inputs(*(nodes[:8, :n],) * 4))

@@ -121,15 +121,20 @@ def test_two_joints_stay_while_both_loads_are_below_and_each_breaks_away_on_its_
     assert (moved[:2, 0] * [1, -1] > 0).all() and (moved[2:, 1] * [1, -1] > 0).all()
 
 
+def substep(begin, u, dt=1e-5):
+    """State of the coupled joints after one short step."""
+    return step(DOUBLE, coulomb(0.3, 0.1), begin, u, np.array([dt]), 1)
+
+
 def test_a_motion_that_has_diverged_does_not_end_the_search_of_others():
     rng = default_rng(5)
     q = rng.uniform(-np.pi, np.pi, (2000, 2))
     _, h = DOUBLE.dynamics(q, 0 * q)
     load = rng.uniform(-2.0, 2.0, (2000, 2)) * [0.3, 0.1]
-    begin, dt = State(q, 0 * q), np.array([1e-5])
-    end = step(DOUBLE, coulomb(0.3, 0.1), begin, load - h, dt, 1)
+    begin = State(q, 0 * q)
+    end = substep(begin, load - h)
     load[0] = np.nan
-    broken = step(DOUBLE, coulomb(0.3, 0.1), begin, load - h, dt, 1)
+    broken = substep(begin, load - h)
     assert_array_equal(broken.w[1:], end.w[1:])
 
 
@@ -145,7 +150,7 @@ def sliding_case(rng, speed, size=400):
 
 def test_a_joint_at_rest_feels_that_the_other_slides():
     begin, u, load, hold = sliding_case(default_rng(6), 0.05)
-    end = step(DOUBLE, coulomb(0.3, 0.1), begin, u, np.array([1e-6]), 1)
+    end = substep(begin, u, 1e-6)
     held = np.abs(hold) < 0.3
     assert_array_equal(end.w[:, 0] == 0.0, held)
     assert (np.abs(load[~held]) < [0.3, 0.1]).all() and 20 < held.sum() < 380
@@ -158,8 +163,7 @@ def test_a_joint_stops_by_its_own_load_while_the_other_is_held():
     more = default_rng(8).uniform(0.0, 1.0, len(u))
     _, h = DOUBLE.dynamics(begin.q, begin.w)
     u[:, 1] = -np.sign(begin.w[:, 1]) * 0.2 * more - h[:, 1]
-    M, _ = DOUBLE.dynamics(begin.q, begin.w)
-    end = step(DOUBLE, coulomb(0.3, 0.1), begin, u, np.array([1e-5]), 1)
+    end = substep(begin, u)
     held = end.w[:, 0] == 0.0
     assert 20 < held.sum()
     assert_array_equal(end.w[held, 1] == 0.0, 0.2 * more[held] < 0.1)
@@ -173,7 +177,7 @@ def test_a_joint_stops_by_its_own_load_while_the_other_slides():
     level, way = np.array([0.3, 0.1]), np.sign(begin.w)
     a = np.linalg.solve(M, (load - way * level)[..., None])[..., 0]
     hold = load[:, 1] - M[:, 1, 0] * (load[:, 0] - way[:, 0] * 0.3) / M[:, 0, 0]
-    end = step(DOUBLE, coulomb(*level), begin, load - h, np.array([1e-5]), 1)
+    end = substep(begin, load - h)
     turns = way[:, 1] * (begin.w[:, 1] + 1e-5 * a[:, 1]) < 0
     assert 20 < turns.sum() < 380
     assert_array_equal(end.w[turns, 1] == 0.0, np.abs(hold[turns]) < 0.1)

@@ -139,13 +139,13 @@ def local(friction, *_):
     return replace(friction, provenance={"by": lambda: None})
 
 
-def forgotten(friction, *_):
-    return replace(friction, law=Forgetful(width=1.0))
-
-
 def of_law(friction, *_, law):
-    """Friction of another law than the one that was fitted."""
     return replace(friction, law=law)
+
+
+def with_law(law):
+    """An identifier whose friction is of another law than the one that was fitted."""
+    return Ill(partial(of_law, law=law))
 
 
 def absolute(friction, problem, weights, seed):  # noqa: ARG001
@@ -241,12 +241,12 @@ VIOLATIONS = [
     (Ill(wasting), "fit must not change the weights"),
     (Learning(), "fit must not change the settings"),
     (Nameless(), "repr must say its settings"),
-    (Ill(partial(of_law, law=Shapeless())), "torque must be .* along the nodes"),
-    (Ill(partial(of_law, law=Pulling())), "limit must not be negative"),
-    (Ill(partial(of_law, law=Jointless())), "limit must be .* at the nodes"),
-    (Ill(partial(of_law, law=Wild())), "torque must be finite along the nodes"),
-    (Ill(partial(of_law, law=Mixing())), "fold 0 must be the same alone"),
-    (Ill(forgotten), "pickled friction must give the same torque"),
+    (with_law(Shapeless()), "torque must be .* along the nodes"),
+    (with_law(Pulling()), "limit must not be negative"),
+    (with_law(Jointless()), "limit must be .* at the nodes"),
+    (with_law(Wild()), "torque must be finite along the nodes"),
+    (with_law(Mixing()), "fold 0 must be the same alone"),
+    (with_law(Forgetful(width=1.0)), "pickled friction must give the same torque"),
     (Ill(local), "its friction must pickle"),
 ]
 

@@ -33,8 +33,9 @@ def robot(request, tmp_path_factory):
 
 @pytest.fixture
 def case(robot):
-    """File, mechanism, and a generator."""
-    return *robot, np.random.default_rng(1)
+    """File, mechanism, a generator, and a motion: angles, velocities and accelerations."""
+    rng = np.random.default_rng(1)
+    return *robot, rng, *motions(rng, (COUNT, robot[1].n))
 
 
 def inverse_dynamics(mechanism, p, q, w, a):
@@ -44,13 +45,12 @@ def inverse_dynamics(mechanism, p, q, w, a):
 
 def test_torques_and_regressor_agree_with_pinocchio_on_a_free_flyer(case):
     pin = pytest.importorskip("pinocchio", reason="the test extra installs it")
-    path, mechanism, rng = case
+    path, mechanism, rng, q, w, a = case
     n = mechanism.n
     model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
     names = [str(name) for name in model.names][2:]
     model.armature[6:] = [mechanism.values[f"rotor_{name}"] for name in names]
     at = [names.index(name) for name in mechanism.joints]
-    q, w, a = motions(rng, (COUNT, n))
     twist, change = rng.normal(size=(2, COUNT, 6)) * 3.0
     turn = rng.normal(size=(COUNT, 4))
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
@@ -76,8 +76,7 @@ def test_torques_and_regressor_agree_with_pinocchio_on_a_free_flyer(case):
 
 
 def test_partial_derivatives_are_those_of_the_torques(case):
-    _, mechanism, rng = case
-    q, w, a = motions(rng, (COUNT, mechanism.n))
+    _, mechanism, rng, q, w, a = case
     p = with_base_motion(mechanism.base({}), rng.normal(size=(COUNT, 9)) * 5.0)
     by_q, by_w, _ = mechanism.partials(p, q, w, a)
     size = np.abs(inverse_dynamics(mechanism, p, q, w, a)).max()
@@ -88,8 +87,7 @@ def test_partial_derivatives_are_those_of_the_torques(case):
 
 
 def test_momentum_balances_the_torques_without_angular_acceleration(case):
-    _, mechanism, rng = case
-    q, w, a = motions(rng, (COUNT, mechanism.n))
+    _, mechanism, rng, q, w, a = case
     base = rng.normal(size=(COUNT, 9)) * 3.0
     p = mechanism.base({})
 
@@ -106,15 +104,14 @@ def test_momentum_balances_the_torques_without_angular_acceleration(case):
 
 
 def test_a_base_at_rest_is_a_fixed_base(case):
-    path, mechanism, rng = case
-    q, w, a = motions(rng, (COUNT, mechanism.n))
+    path, mechanism, _, q, w, a = case
     p = mechanism.base({})
     still = with_base_motion(p, np.r_[np.zeros(6), UP])
-    for ours, fixed in zip(mechanism.terms(still, q, w), mechanism.terms(p, q, w), strict=True):
-        assert_array_equal(ours, fixed)
-    for ours, fixed in zip(
-        mechanism.partials(still, q, w, a), mechanism.partials(p, q, w, a), strict=True
-    ):
+
+    def terms(p):
+        return *mechanism.terms(p, q, w), *mechanism.partials(p, q, w, a)
+
+    for ours, fixed in zip(terms(still), terms(p), strict=True):
         assert_array_equal(ours, fixed)
     held = urdf(path, joints=mechanism.joints).with_values(mechanism.values)
     assert close(mechanism.dynamics(p, q, w)[1], held.dynamics(held.base({}), q, w)[1])
@@ -122,8 +119,7 @@ def test_a_base_at_rest_is_a_fixed_base(case):
 
 
 def test_loads_of_gears_are_those_on_the_moving_base(case):
-    _, mechanism, rng = case
-    q, w, u = motions(rng, (COUNT, mechanism.n))
+    _, mechanism, rng, q, w, u = case
     plant = Plant.from_parameters(mechanism, {}).on_base(rng.normal(size=(COUNT, 9)))
     M, h = plant.dynamics(q, w)
     a = np.linalg.solve(M, (h + u)[..., None])[..., 0]
