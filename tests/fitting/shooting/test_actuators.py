@@ -43,10 +43,6 @@ def findings_of(verdict):
     return {row.kind: row for row in verdict.findings.itertuples()}
 
 
-def found_of(data, *free):
-    return friction_and_delay(fitted(data, *free)[1])
-
-
 def friction_and_delay(found):
     """Coulomb and viscous friction, and the delay of the targets."""
     return [found["friction", "coulomb"], found["friction", "viscous"], found[LATE]]
@@ -84,7 +80,7 @@ def test_a_gain_set_that_was_held_out_is_predicted_as_well_as_those_that_were_fi
 @pytest.mark.parametrize(("late", "gains"), [(0.002, STIFF), (0.012, SOFT)])
 def test_a_late_target_is_found_and_passes_for_no_viscous_friction(late, gains):
     rig = ServoPendulum(viscous=0.0, delay=late)
-    coulomb, viscous, delay = found_of(dataset(rig, gains))
+    coulomb, viscous, delay = friction_and_delay(fitted(dataset(rig, gains))[1])
     assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
     assert delay == pytest.approx(late, abs=1e-3)
     assert abs(viscous) < 0.05 * rig.coulomb  # [N m] at 1 rad/s
@@ -109,7 +105,7 @@ def test_a_limit_of_the_torque_is_kept():
     data = dataset(rig, STIFF, seconds=6.0, limit=0.8)
     torque = data.recordings[0].torque.value
     assert np.mean(np.abs(torque) == 0.8) > 0.03
-    assert_found(rig, found_of(data), rel=0.1)
+    assert_found(rig, friction_and_delay(fitted(data)[1]), rel=0.1)
 
 
 def test_a_one_step_fit_says_that_it_takes_targets_as_logged():
@@ -196,7 +192,8 @@ def test_all_outputs_of_a_controller_lead_to_the_same_friction(actuator):
     log = log.assign(rate=0.7 * np.cos(3 * log["t"]), more=0.05 * np.sin(log["t"]))
     if "feedforward" in actuator:
         log["target"] -= (K * K / R * log["rate"] + log["more"]) / 5.0
-    assert_found(rig, found_of(by_controller(rig, {"a": log}, **actuator), "target_delay"))
+    data = by_controller(rig, {"a": log}, **actuator)
+    assert_found(rig, friction_and_delay(fitted(data, "target_delay")[1]))
 
 
 def test_what_another_fit_found_of_the_servo_is_held(loose):
