@@ -57,6 +57,13 @@ def joined(several: Iterable[Arrays]) -> Arrays:
     return out
 
 
+def picked(whole: Arrays, rows: Any) -> Arrays:
+    """A named tuple of arrays with some rows of each, by their indices, a mask or a slice."""
+    parts: Any = whole
+    out: Arrays = parts._make(array[rows] for array in parts)
+    return out
+
+
 def usual_step(time: Array) -> float:
     """Usual step between samples (T,).
 

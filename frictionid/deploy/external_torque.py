@@ -13,7 +13,7 @@ from scipy.special import log_ndtr, ndtri_exp
 from frictionid.api.fit import fit as fit_again
 from frictionid.api.fitted import Fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
-from frictionid.arrays import MAD, Array, joined, rms
+from frictionid.arrays import MAD, Array, joined, picked, rms
 from frictionid.data.calibration import calibrated_plant, with_calibrated_servo
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of, refuse_torques
@@ -192,7 +192,7 @@ def deviation(said: Observed, noise: Array, shake: Array) -> Array:
 def settled(several: Iterable[Observed]) -> Observed:
     """What was said of some samples after the other, where the filters have settled."""
     both = joined(several)
-    return Observed(*(values[both.settled] for values in both))
+    return picked(both, both.settled)
 
 
 def noises(said: Observed) -> tuple[Array, Array]:
@@ -221,7 +221,7 @@ def held_out(fit: Fit) -> Iterator[tuple[Friction, Dataset]]:
     assert fit.data is not None
     recordings, source = fit.data.recordings, fit.friction.provenance
     if len(recordings) == 1:
-        half = float(np.ptp(recordings[0].angle.time)) / 2
+        half = recordings[0].angle.duration / 2
         recordings = within(recordings[0], 0.0, half), within(recordings[0], half, np.inf)
     refined = source.refined
     free = None if refined is None else sorted({e.block for e in refined.parameters})
@@ -263,8 +263,7 @@ def band_of(quiet: Iterable[tuple[Friction, Dataset]], response: float, rate: fl
             f"{_FEWEST * response:g} s and more beside {SETTLING * response / _DELAYS:.2g} s at "
             "the begin of each"
         )
-    apart = [Observed(*(x[e] for x in run)) for run, e in zip(runs, edges, strict=True)]
-    noise, shake = noises(settled(apart))
+    noise, shake = noises(settled(map(picked, runs, edges)))
     largest = np.concatenate(
         [
             np.maximum.reduceat(np.abs(run.torque) / deviation(run, noise, shake), e)

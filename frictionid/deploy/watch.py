@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, joined
+from frictionid.arrays import Array, joined, picked
 from frictionid.config import read_toml
 from frictionid.data.plants import refuse_torques
 from frictionid.data.readers.dataset_toml import check_dataset_toml
@@ -126,8 +126,8 @@ def watched(
         if stream is None:
             state = watch.momentum_observer.start(float(new.time[0]), new.angle[0], new.torque[0])
             unknown = np.stack([np.zeros_like(new.angle[0]), np.ones_like(new.angle[0])])
-            stream = state, part(new, 0, 1), watch.friction.start(), unknown
-            new = part(new, 1)
+            stream = state, picked(new, slice(1)), watch.friction.start(), unknown
+            new = picked(new, slice(1, None))
         if len(new.time):
             stream, seen = _stepped(watch, stream, new)
             yield seen._replace(damaged=damaged)
@@ -151,19 +151,19 @@ def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     turns *= np.array(watch.mechanism.position_units) == "rad"
     wraps = np.round(turns) * (np.abs(turns) < 1.5)  # more: an encoder that is set anew
     both.angle[1:] -= _TURN * np.cumsum(wraps, axis=0)
-    new = part(both, len(stretch.time))
+    new = picked(both, slice(len(stretch.time), None))
     torque = interval_torques(watch.friction.torque_of(both), both.time)[-len(new.time) :]
     state, said = watch.momentum_observer.advance(before, new.time, new.angle, torque)
     anew = np.flatnonzero(np.diff(said.begin, prepend=before.begin))
     for k, rows in enumerate(np.split(np.arange(len(new.time)), anew)):
-        after = Chunk(*(values[rows] for values in new))
+        after = picked(new, rows)
         if k and np.ptp(stretch.time) >= _LAST:
             live = watch.friction.added(live, stretch)
         stretch = after if k else joined([stretch, after])
         while np.ptp(stretch.time) >= _STRETCH:  # the same however many samples come at a time
             end = int(np.argmax(stretch.time - stretch.time[0] >= _STRETCH))
-            live = watch.friction.added(live, part(stretch, 0, end + 1))
-            estimate, stretch = watch.friction.estimate(live), part(stretch, end)
+            live = watch.friction.added(live, picked(stretch, slice(end + 1)))
+            estimate, stretch = watch.friction.estimate(live), picked(stretch, slice(end, None))
     *wear, change = worn(said, watch.band, before.time, change)
     seen = Seen(said.time, *with_band(said, watch.band), np.stack(wear), estimate)
     return (state, stretch, live, change), seen
@@ -258,11 +258,6 @@ def sound_chunk(
         except InputError as error:
             damaged.append(f"row {row + k}, {line!r}, is left out: {error}")
     return (chunk(sound) if sound else None), tuple(damaged)
-
-
-def part(chunk: Chunk, first: int, end: int | None = None) -> Chunk:
-    """Some of its samples."""
-    return Chunk(*(values[first:end] for values in chunk))
 
 
 def bytes_of_file(path: Path) -> Callable[[], bytes]:

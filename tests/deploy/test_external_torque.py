@@ -17,11 +17,12 @@ from fixtures.shared import shared
 from numpy.testing import assert_allclose
 
 import frictionid as fid
+from frictionid.arrays import picked
 from frictionid.data.signals import taken
 from frictionid.deploy.cli import _show_stream
 from frictionid.deploy.external_torque import interval_torques, noises
 from frictionid.deploy.momentum_observer import Observed
-from frictionid.deploy.watch import Chunk, part, watch_of, watched, write_code
+from frictionid.deploy.watch import Chunk, watch_of, watched, write_code
 from frictionid.friction.laws import Dahl
 from frictionid.simulate import Camera, Drive, Multisine, Run, Variation, write_dataset
 
@@ -239,7 +240,7 @@ def test_memory_is_that_of_a_stretch(watch, quiet):
     live = watch.friction
     said, size, whole = live.start(), [], samples_of(quiet.recordings[0])
     for a in range(0, 2000, 400):
-        said = live.added(said, part(whole, a, a + 401))
+        said = live.added(said, picked(whole, slice(a, a + 401)))
         size.append(sum(np.size(x) for x in said))
     assert len(set(size)) == 1
 
@@ -251,7 +252,7 @@ def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
     said, estimates = live.start(), []
     for r in recorded(8, seed=3).recordings:
         for a in range(0, 2000, 1000):
-            said = live.added(said, part(samples_of(r), a, a + 1001))
+            said = live.added(said, picked(samples_of(r), slice(a, a + 1001)))
             estimates.append(live.estimate(said))
     done = next(e for e in estimates if e.converged)
     batch = estimates[-1].share
@@ -262,7 +263,7 @@ def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
 def test_a_stretch_that_is_mostly_disturbed_says_nothing(watch, quiet):
     """Few rows that are left would be fitted by as many numbers as they are."""
     live = watch.friction
-    sound = part(samples_of(quiet.recordings[0]), 0, 1001)
+    sound = picked(samples_of(quiet.recordings[0]), slice(1001))
     pushes = np.repeat(np.random.default_rng(0).standard_normal(21), 50)[:1001] * (sound.time > 0.7)
     said = live.added(live.start(), sound)
     assert live.added(said, sound).stretches == 2
@@ -274,7 +275,7 @@ def test_no_length_of_a_stream_tells_what_the_quiet_recordings_do_not(watch, qui
     live = watch.friction
     said = start = live.start()
     for r in quiet.recordings:
-        said = live.added(said, part(samples_of(r), 0, 1001))
+        said = live.added(said, picked(samples_of(r), slice(1001)))
     curvature, most = said.precision - start.precision, 1e6
     longer = said._replace(precision=start.precision + most * curvature, pull=most * said.pull)
     near, far = live.estimate(said), live.estimate(longer)
@@ -287,7 +288,7 @@ def test_an_estimate_that_moved_over_half_of_the_data_has_not_converged(watch, q
     live = watch.friction
     said = live.start()
     for _ in range(8):
-        said = live.added(said, part(samples_of(quiet.recordings[0]), 0, 1001))
+        said = live.added(said, picked(samples_of(quiet.recordings[0]), slice(1001)))
     assert said.at == said.stretches == 8
     assert live.estimate(said).converged
     moved = said._replace(checkpoints=said.checkpoints - [[0.5], [0.0]])

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import MAD, Array, joined, times, usual_step
+from frictionid.arrays import MAD, Array, joined, picked, times, usual_step
 from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
@@ -100,10 +100,6 @@ class Changes(NamedTuple):
     peak: Array
     covariates: Array
 
-    def rows(self, which: Any) -> "Changes":
-        """What some of the recordings say, by their indices or a mask."""
-        return Changes(*(values[which] for values in self))
-
     @property
     def disturbed(self) -> Array:
         """Residual (n,) over a tenth of a second from which on a stretch is disturbed."""
@@ -181,7 +177,7 @@ def _each(prepared: Prepared, reference: Reference, most: Array | float, late: f
     linear, delay = _linearised(prepared, reference, late), _place_of_delay(reference)
     prior, fits = np.array([e.size for e in reference.effects]), []
     for r, recording in enumerate(prepared.dataset.recordings):
-        rows = _Rows(*(values[linear.recording == r] for values in linear))
+        rows = picked(linear, linear.recording == r)
         value, inverse, excess, peak, used = _undisturbed(rows, prior, most)
         misfit = float(np.abs(rows.left(value)).mean())
         value[delay] += late

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, picked
 from frictionid.friction.provenance import Segment
 
 from .baseline import Baseline
@@ -84,7 +84,7 @@ def judge(
             "cannot_tell", rate, np.nan, nothing, (), (), (), parts, tuple(notes), none
         )
     size = np.array([e.size for e in baseline.reference.effects])
-    difference = difference_of(baseline.changes, new.rows(fits), size)
+    difference = difference_of(baseline.changes, picked(new, fits), size)
     likely = {
         f"{FRICTION}{name}": row
         for name, row in zip(baseline.joints, in_proportion(baseline.reference), strict=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of, identifier_of
-from frictionid.arrays import Array, joined
+from frictionid.arrays import Array, joined, picked
 from frictionid.comparison.fit_model import as_logged
 from frictionid.comparison.suite_recipes import usual_method
 from frictionid.config import nearest
@@ -148,7 +148,7 @@ def monitor(
     if state is not None:
         arrivals = arriving(Path(state), healthy, recordings, new, done)
     names = tuple(name for name, _ in recordings)
-    seconds = sum(float(np.ptp(r.angle.time)) for p in prepared for r in p.dataset.recordings)
+    seconds = sum(r.angle.duration for p in prepared for r in p.dataset.recordings)
     judgement = judge(healthy, new, rate, disturbed, seconds)
     new, judgement = _at_its_payload(healthy, prepared, new, judgement, seconds)
     return Monitored(healthy, judgement, names, new, arrivals)
@@ -276,7 +276,7 @@ def arriving(
     for i, (name, digest) in enumerate(recordings):
         if digest in {arrival.digest for arrival in arrivals}:
             continue
-        changes = new.rows([i])
+        changes = picked(new, [i])
         before = joined([baseline.changes, *(arrival.changes for arrival in arrivals)])
         p = judge(replace(baseline, changes=before), changes).p
         bet = log_bet(p) if np.isfinite(p) else 0.0  # what cannot be judged is no evidence

@@ -8,6 +8,7 @@ from fixtures.shared import shared
 from fixtures.sines import sines, torque_without_friction
 
 import frictionid as fid
+from frictionid.arrays import picked
 from frictionid.deploy.monitor.judgement import judge
 from frictionid.mechanics import urdf
 
@@ -98,7 +99,7 @@ def test_a_late_torque_is_no_friction(known, folder, late):
 
 
 def test_a_negative_mass_is_no_payload(known):
-    lighter = known.changes.rows([0, 1, 2])
+    lighter = picked(known.changes, [0, 1, 2])
     lighter.value[:, [e.name for e in known.reference.effects].index("mass")] -= 3.0
     found = judge(known, lighter)
     assert found.answer == "cannot_tell" and found.changed == ("the payload's inertia",)
