@@ -82,7 +82,7 @@ def guess_columns(
     table: Table,
     driven: Sequence[bool],
     kinds: Sequence[str],
-    named: Mapping[str, Sequence[str]] | None = None,
+    named: Mapping[str, Sequence[str]] = {},
     *,
     kt: bool = False,
 ) -> ColumnGuesses:
@@ -109,7 +109,6 @@ def guess_columns(
     >>> guesses.angle.columns, guesses.angle.unit, guesses.torque.unit, guesses.time.evidence
     (('q',), 'rad', 'A', 'increases in every row, at 50 Hz')
     """
-    named = dict(named or {})
     check_named(table, named)
     time = _time(table, named.get("time"))
     angle = _angle(table, kinds, time, named.get("angle"))
@@ -167,7 +166,8 @@ def _time(table: Table, named: Sequence[str] | None) -> Guess:
         raise InputError(f"--time: {name!r} does not increase from row to row, as time does")
     steps = np.diff(table.columns[name])
     step = float(np.median(steps[steps > 0]))
-    unit = unit_of(name, "time") or _time_unit(step)
+    usual = (u for u, s in UNITS["time"].items() if _RATES[0] <= 1 / (step * s) <= _RATES[1])
+    unit = unit_of(name, "time") or next(usual, "s")  # in which the step is a usual one
     rate = 1.0 / (step * UNITS["time"][unit])
     where = "every row" if runs == 1 else "every row of each run"
     return Guess((name,), unit, f"increases in {where}, at {rate:.4g} Hz")
@@ -216,12 +216,6 @@ def _split(table: Table, clock: str) -> Guess | None:
     if not again.any() or not _runs(table.columns[clock]):
         return None
     return Guess((clock,), "", f"the time starts again: {1 + again.sum()} runs")
-
-
-def _time_unit(step: float) -> str:
-    """Unit in which a step between two rows is a usual one, the largest first."""
-    usual = (u for u, s in UNITS["time"].items() if _RATES[0] <= 1 / (step * s) <= _RATES[1])
-    return next(usual, "s")
 
 
 # --- Angles ---------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -71,7 +70,7 @@ def describe_robot(
     file: RobotFile,
     options: Mapping[str, Any],
     facts: Known,
-    still: Mapping[str, str] = MappingProxyType({}),
+    still: Mapping[str, str] = {},
 ) -> Described:
     """A dataset.toml and a first suite for tables of a robot.
 
@@ -84,9 +83,8 @@ def describe_robot(
     InputError
         Where no column fits the joints, or the tables are damaged.
     """
-    gear = None if facts.gear is None else np.atleast_1d(np.asarray(facts.gear, dtype=float))
     columns = robot_columns(
-        file.robot, tables.first, gear, facts.columns, options.get("joints"), tuple(still)
+        file.robot, tables.first, facts.gear, facts.columns, options.get("joints"), tuple(still)
     )
     names = mechanism_options(FORMATS[file.format])
     values = {k: v for k, v in options.items() if k not in names}
@@ -99,7 +97,8 @@ def describe_robot(
     guesses = _guesses(tables, machine, columns, facts)
     filled = _with_file(facts, columns.joints)
     motor = _motor(columns, guesses, filled)
-    actuator = actuator_of(columns.target, filled, _efforts(columns.joints))
+    efforts = [joint.limits.effort for joint in columns.joints]
+    actuator = actuator_of(columns.target, filled, efforts if np.isfinite(efforts).all() else ())
     missing = tuple(_missing(machine, motor, actuator, filled))
     if not (columns.torque or actuator) and {*map(quantity_of, guesses.unused)} - {"velocity"}:
         missing += (_TORQUE,)
@@ -258,12 +257,6 @@ def _missing(
         yield OUTPUT
     if not any(machine.defaults[p.name] > 0 for p in machine.parameters if p.rotor):
         yield _ROTOR
-
-
-def _efforts(joints: Sequence[Joint]) -> list[float]:
-    """Largest torques of the file, none where a joint has no limit."""
-    efforts = [joint.limits.effort for joint in joints]
-    return efforts if np.isfinite(efforts).all() else []
 
 
 def _of_joints(facts: Known, keep: Sequence[bool]) -> Known:

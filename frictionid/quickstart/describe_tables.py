@@ -152,10 +152,11 @@ def actuator_of(
         raise InputError(
             f"--set limit={limit}: no columns of targets; leave it out, or rename them"
         )
+    if not targets:
+        return {}
     P, D = facts.gains or (1.0, 1.0)
-    columns = targets[0] if len(targets) == 1 else list(targets)
     bounds = {"limit": limit} if np.size(limit) else {}
-    return {"target": columns, "output": "torque", "P": P, "D": D, **bounds} if targets else {}
+    return {"target": _one_or_all(targets), "output": "torque", "P": P, "D": D, **bounds}
 
 
 def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> Described:

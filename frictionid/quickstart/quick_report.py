@@ -303,16 +303,16 @@ def quick_figure(result: Quick) -> Any:
     for part, axes in enumerate(panels[:parts]):
         _friction(axes, result, part, colours)
     _errors(panels[parts], result, colours)
-    key = {_label(c, result): key_line(colours[c.name]) for c in result.candidates if c.parameters}
+    key = {
+        f"{c.name}: the verdict" if c is result.chosen else c.name: key_line(colours[c.name])
+        for c in result.candidates
+        if c.parameters
+    }
     read = (e for c in result.candidates if c.refined for e in c.refined.parameters)
     loaded = not {e.parameter for e in read}.isdisjoint({LOAD.name, LOSS.name})
     fold = "each fold; all without load" if loaded else "each fold"
     key_above(picture, {**key, fold: key_line(GREY, linewidth=0.5)})
     return picture
-
-
-def _label(c: Candidate, result: Quick) -> str:
-    return f"{c.name}: the verdict" if c is result.chosen else c.name
 
 
 def _friction(axes: Any, result: Quick, part: int, colours: dict[str, str]) -> None:

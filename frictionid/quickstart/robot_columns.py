@@ -109,8 +109,8 @@ class RobotColumns(NamedTuple):
 def robot_columns(
     robot: Robot,
     table: Table,
-    gear: Sequence[float] | Array | None = None,
-    named: Mapping[str, Sequence[str]] | None = None,
+    gear: float | Sequence[float] | None = None,
+    named: Mapping[str, Sequence[str]] = {},
     only: Sequence[str] | None = None,
     mute: Sequence[str] = (),
 ) -> RobotColumns:
@@ -127,7 +127,6 @@ def robot_columns(
     """
     base, every = _movable(robot)
     movable = [j for j in every if only is None or j.name in only]
-    named = dict(named or {})
     check_named(table, named)
     imu = imu_columns(table) if base else {}
     left = [name for name in table.columns if name not in names_of(imu)]
@@ -145,15 +144,17 @@ def robot_columns(
             f"has the joints {', '.join(j.name for j in movable)}: name one column for each joint "
             "that moves with --angle, and the joints with --set 'joints=[...]'"
         )
+    joints = [j for j in movable if j.name in by["angle"]]
     pushes, guessed = by["torque"] or by["current"], False
     if not (pushes or by["target"]):
         taken = {*by["angle"].values(), *named.get("time", ())}
         free = [n for n in left if n not in taken and not (np.diff(table.columns[n]) > 0).all()]
-        pushes = _left_over([j for j in movable if j.name in by["angle"]], free)
+        pushes = _left_over(joints, free)
         guessed = bool(pushes)
-    joints = [j for j in movable if j.name in by["angle"]]
     driven = [j for j in joints if j.name in pushes] if pushes else joints
     silent = _silent(table, [j for j in driven if pushes], pushes)
+    near = ", ".join(pushes[name] for name in silent)
+    said = f"{near} stay near zero: nothing drives these joints, which are locked at their mean"
     kept = tuple(j for j in driven if j.name not in (*silent, *mute))
     logged = {**_most_assigned(every, called["angle"]), **by["angle"]}
     still = [j for j in every if j.name in logged and j not in kept]
@@ -169,7 +170,7 @@ def robot_columns(
         _of_all(kept, by["velocity"]),
         () if pushes else _of_all(kept, by["target"]),
         {name: round(float(angle), 4) for name, angle in mean.items()},
-        _words_of(silent, pushes),
+        said * bool(silent),
         side,
         unit,
         evidence,
@@ -262,18 +263,11 @@ def _silent(table: Table, joints: Sequence[Joint], pushes: Mapping[str, str]) ->
     return silent if len(silent) < len(top) else []
 
 
-def _words_of(silent: Sequence[str], pushes: Mapping[str, str]) -> str:
-    if not silent:
-        return ""
-    columns = ", ".join(pushes[name] for name in silent)
-    return f"{columns} stay near zero: nothing drives these joints, which are locked at their mean"
-
-
 def _side(
     table: Table,
     joints: Sequence[Joint],
     columns: Sequence[str],
-    gear: Sequence[float] | Array | None,
+    gear: float | Sequence[float] | None,
 ) -> tuple[str, str, str]:
     """Side and unit of the angles, by their names and by how far the file lets the joints turn."""
     angles = [table.columns[name] for name in columns]

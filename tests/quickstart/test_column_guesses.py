@@ -20,7 +20,7 @@ Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)
 def guessed(columns, driven=(True,), unit="rad", named=None):
     columns = {name: np.asarray(c, float) for name, c in columns.items()}
     table = Table("a.csv", np.arange(len(TIME)), columns)
-    return guess_columns(table, driven, (unit,) * len(driven), named)
+    return guess_columns(table, driven, (unit,) * len(driven), named or {})
 
 
 NAMED = {
