@@ -15,6 +15,7 @@ import termios
 import time
 import tty
 from collections import deque
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, BinaryIO
 
@@ -177,7 +178,7 @@ def broken_line(line: bytes, generator: np.random.Generator) -> bytes:
 def _moments(count: int, lines: int, generator: np.random.Generator) -> list[int]:
     """Lines spread over all, one at random in each equal part."""
     edges = np.linspace(0.05, 0.95, count + 1) * lines
-    return [int(generator.uniform(a, b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [int(generator.uniform(a, b)) for a, b in pairwise(edges)]
 
 
 def _values(template: str, text: str) -> list[float] | None:

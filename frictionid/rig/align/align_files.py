@@ -205,10 +205,7 @@ def align_files(
         marker=edges,
         responses=_responses(rows, rig, alignment.span),
         sources={p.name: sha256(read_bytes(p)) for p in (angles, log)},
-        warnings=(
-            *_step_warnings(gaps, alignment.step),
-            *_warnings(seen, angle, runs, uncertainty),
-        ),
+        warnings=(*_warnings(gaps, alignment.step, seen, angle, runs, uncertainty),),
     )
 
 
@@ -231,8 +228,13 @@ def _opened(signal: Signal, time: float, gap: float) -> Signal:
     return signal._replace(time=signal.time + gap * (signal.time > time))
 
 
-def _step_warnings(
-    gaps: list[tuple[float, float]], step: tuple[float, float] | None
+def _warnings(
+    gaps: list[tuple[float, float]],
+    step: tuple[float, float] | None,
+    seen: Signal,
+    angle: Signal,
+    runs: ClockRuns,
+    uncertainty: float,
 ) -> Iterator[str]:
     for time, gap in gaps:
         yield (
@@ -244,6 +246,19 @@ def _step_warnings(
             f"the clock steps by {1e3 * step[1]:.1f} ms near {step[0]:.1f} s, which no drift "
             "describes: align the motion before and after it apart"
         )
+    lost = len(seen.time) - len(angle.time)
+    if lost:
+        yield f"{lost} of {len(seen.time)} angles lie outside the log and are left out"
+    restarts = int(runs.number.max(initial=0))
+    if restarts:
+        advice = "" if uncertainty < _RUNS else ", which is too uncertain: log such motion again"
+        yield (
+            f"the controller restarted {restarts} times; its runs are joined by this computer's "
+            f"clock to about {1e3 * uncertainty:.2g} ms{advice}"
+        )
+    dropped = int((~runs.kept).sum())
+    if dropped:
+        yield f"{dropped} rows with damaged or repeated times are left out"
 
 
 def _aligned(
@@ -310,22 +325,6 @@ def _check_spans(angle: Signal, log: Log) -> None:
             f"angles and log share no moment: by their clocks they are {difference:.0f} s apart; "
             "name the log of the same motion"
         )
-
-
-def _warnings(seen: Signal, angle: Signal, runs: ClockRuns, uncertainty: float) -> Iterator[str]:
-    lost = len(seen.time) - len(angle.time)
-    if lost:
-        yield f"{lost} of {len(seen.time)} angles lie outside the log and are left out"
-    restarts = int(runs.number.max(initial=0))
-    if restarts:
-        advice = "" if uncertainty < _RUNS else ", which is too uncertain: log such motion again"
-        yield (
-            f"the controller restarted {restarts} times; its runs are joined by this computer's "
-            f"clock to about {1e3 * uncertainty:.2g} ms{advice}"
-        )
-    dropped = int((~runs.kept).sum())
-    if dropped:
-        yield f"{dropped} rows with damaged or repeated times are left out"
 
 
 _TIMES = ("time", "time_camera", "time_angle")

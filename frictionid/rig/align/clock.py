@@ -1,6 +1,7 @@
 """Offset and drift between the clocks of angles and torque, from the motion, with intervals."""
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -227,7 +228,7 @@ def _delays(rows: Rows, recording: Recording, nominal: Array) -> list[tuple[floa
     count = max(1, min(int((time[-1] - time[0]) / _PIECE), 20))
     edges = np.linspace(time[0], time[-1], count + 1)
     out = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         inside = (rows.start >= a) & (rows.stop <= b)
         delay = delay_of(rows.where(inside), logged, nominal[None])
         if delay is not None and np.isfinite(delay.seconds):

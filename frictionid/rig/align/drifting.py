@@ -67,7 +67,12 @@ class Drifting(ShootingProblem):
 
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
-        moved = drifted(self.intervals, _drift_of(estimate), self.middle)
+        drift, dataset = _drift_of(estimate), self.intervals.dataset
+        recordings = []
+        for r in dataset.recordings:
+            time = r.torque.time + drift * (r.torque.time - self.middle)
+            recordings.append(replace(r, torque=r.torque._replace(time=time)))
+        moved = replace(self.intervals, dataset=replace(dataset, recordings=tuple(recordings)))
         linear = replace(self.inner, intervals=moved).linearise(estimate, nodes, rows)
         since = (self.intervals.time + self.intervals.dt / 2 - self.middle)[:, None, None]
         # the drift comes last, and the delay last before it
@@ -92,15 +97,6 @@ def drifting(
 def _drift_of(estimate: Estimate) -> float:
     calibration = estimate.calibration
     return calibration.drift if isinstance(calibration, ClockCalibration) else 0.0
-
-
-def drifted(intervals: Intervals, drift: float, middle: float) -> Intervals:
-    """The intervals with their torque on the drifting clock."""
-    recordings = tuple(
-        replace(r, torque=r.torque._replace(time=r.torque.time + drift * (r.torque.time - middle)))
-        for r in intervals.dataset.recordings
-    )
-    return replace(intervals, dataset=replace(intervals.dataset, recordings=recordings))
 
 
 def clock_step(solution: Solution) -> tuple[float, float] | None:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from frictionid.arrays import MAD, Array, usual_step
+from frictionid.arrays import MAD, Array, rms, usual_step
 
 _BLOCKS = 24  # stretches of time whose scatter gives the standard errors
 _MAX_DELAY = 0.3  # [s]
@@ -81,7 +81,7 @@ def drive_response(time: Array, command: Array, measured: Array) -> DriveRespons
         t_quantile=float(stdtrit(_BLOCKS - 1, 0.975)),
         low=low,
         high=high,
-        rms=float(np.sqrt(np.mean(record.residual(theta) ** 2))),
+        rms=float(rms(record.residual(theta))),
     )
 
 

@@ -33,7 +33,6 @@ from frictionid.report.figures.style import (
 from frictionid.report.numbers import either
 
 from .align_files import Aligned, align_files, load_rig
-from .cross_correlation import CoarseOffset
 
 ORIGIN = "aligned by frictionid align"
 _DECIMALS = 9
@@ -215,7 +214,19 @@ def clock_picture(aligned: Aligned) -> Any:
     picture = figure(2.4 * count)
     axes = picture.subplots(count, 1, squeeze=False)[:, 0]
     if coarse is not None:
-        _correlation(axes[0], coarse, aligned.alignment.clock.offset)
+        tried = np.isfinite(coarse.explained)
+        share = np.maximum(coarse.explained[tried], -1.0)
+        axes[0].plot(coarse.offsets[tried], share, color=GREY, lw=0.7)
+        axes[0].axvline(coarse.offset, color=COLOURS[1], lw=1.0)
+        axes[0].annotate(
+            f"{aligned.alignment.clock.offset:.3f} s",
+            (coarse.offset, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(4, -9),
+            textcoords="offset points",
+            color=COLOURS[1],
+        )
+        axes[0].set(xlabel="offset of the log's clock [s]", ylabel="torque explained")
     _torques(axes[-1], aligned)
     key_above(picture, _key(axes[-1]))
     return picture
@@ -224,23 +235,6 @@ def clock_picture(aligned: Aligned) -> Any:
 def _key(ax: Any) -> dict[str, Any]:
     handles, labels = ax.get_legend_handles_labels()
     return dict(zip(labels, handles, strict=True))
-
-
-def _correlation(ax: Any, coarse: CoarseOffset, offset: float) -> None:
-    tried = np.isfinite(coarse.explained)
-    share = np.maximum(coarse.explained[tried], -1.0)
-    ax.plot(coarse.offsets[tried], share, color=GREY, lw=0.7)
-    ax.axvline(coarse.offset, color=COLOURS[1], lw=1.0)
-    ax.annotate(
-        f"{offset:.3f} s",
-        (coarse.offset, 1.0),
-        xycoords=("data", "axes fraction"),
-        xytext=(4, -9),
-        textcoords="offset points",
-        color=COLOURS[1],
-    )
-    ax.set_xlabel("offset of the log's clock [s]")
-    ax.set_ylabel("torque explained")
 
 
 def _torques(ax: Any, aligned: Aligned) -> None:

@@ -181,7 +181,7 @@ class Scene:
         for markers in exposed:
             mask = np.zeros(cover.shape, dtype=np.uint8)
             ends = np.round((markers - [x0, y0]) * 2**_SHIFT).astype(int)
-            for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+            for a, b in pairwise(ends.tolist()):
                 cv2.line(mask, a, b, 255, int(self.look.link_width), cv2.LINE_AA, _SHIFT)
             cover += mask.astype(np.float32) / (255 * len(exposed))
         part, cover = image[y0:y1, x0:x1], cover[..., None]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from io import StringIO
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -122,7 +122,7 @@ def draw_frame(
     out = image.copy()
     state = angles.state[k]
     places = angles.markers[k]
-    for a, b in zip(places[:-1], places[1:], strict=True):
+    for a, b in pairwise(places):
         if np.isfinite([a, b]).all():
             _line(out, a, b, (255, 255, 255))
     for place in places[np.isfinite(places).all(axis=-1)]:
@@ -161,10 +161,6 @@ def _chosen(angles: Angles) -> list[int]:
 def _line(image: Image, a: np.ndarray, b: np.ndarray, colour: tuple[int, int, int]) -> None:
     ends = [tuple(int(v) for v in np.round(p * 16)) for p in (a, b)]
     cv2.line(image, ends[0], ends[1], colour, 1, cv2.LINE_AA, 4)
-
-
-with needs("camera"):
-    import cv2
 
 
 _HUE = 15.0  # [deg] of hue that belong to a dot
