@@ -127,15 +127,22 @@ def _friction_chart(
     data: DataDescription, joint: int, models: Sequence[Model], styles: Styles
 ) -> Chart:
     """The curves of a joint; that of the first model with its folds."""
-    w = data.velocity[:, joint]
-    traces = []
+    w, traces = data.velocity[:, joint], []
+    few = evenly(len(w), MOST)
     for i, model in enumerate(models):
         shown = True if len(models) <= ALWAYS or i == 0 else "legendonly"
         group = {"legendgroup": f"model {i}", "visible": shown, **FRICTION}
-        traces += _curve(model, data, joint, styles[model.label], group, folds=i == 0)
+        style, curves = styles[model.label], model.curves[:, few, joint]
+        x, middle, half = curve_and_band(model, data, joint)
+        places = evenly(len(x), MOST)
+        traces += band(x[places], middle[places], half[places], style.colour, group)
+        thin = {"color": pale(style.colour, 0.4), "width": 0.7}
+        for fold in curves[:-1] if i == 0 else ():
+            traces.append(line(w[few], fold, "", {"line": thin, **SILENT, **group}))
+        pen = {"color": style.colour, "width": 2, "dash": dash(style.line)}
+        traces.append(line(w[few], curves[-1], model.curve_name, {"line": pen, **group}))
     if data.truth is not None:
         drawn = {"color": DARK, "width": 1.6, "dash": "dash"}
-        few = evenly(len(w), MOST)
         traces.append(line(w[few], data.truth[few, joint], "truth", {"line": drawn, **FRICTION}))
     edges, heights = density_heights(data, joint)
     area = {"line": {"width": 0, "shape": "hv"}, "fill": "tozeroy", "fillcolor": PALE}
@@ -154,28 +161,6 @@ def _friction_chart(
         "grey: how often each speed occurred. A click on a name shows or hides a model."
     )
     return Chart(data.joints[joint], words, traces, axes, height=320 + 20 * len(models))
-
-
-def _curve(
-    model: Model,
-    data: DataDescription,
-    joint: int,
-    style: Style,
-    group: Mapping[str, Any],
-    *,
-    folds: bool,
-) -> list[dict[str, Any]]:
-    """Line of a model with its 95 % band by shooting, else by the folds, and lines of the folds."""
-    w, curves = data.velocity[:, joint], model.curves[..., joint]
-    few = evenly(len(w), MOST)
-    x, middle, half = curve_and_band(model, data, joint)
-    places = evenly(len(x), MOST)
-    traces = band(x[places], middle[places], half[places], style.colour, group)
-    thin = {"color": pale(style.colour, 0.4), "width": 0.7}
-    for fold in curves[:-1, few] if folds else ():
-        traces.append(line(w[few], fold, "", {"line": thin, **SILENT, **group}))
-    drawn = {"color": style.colour, "width": 2, "dash": dash(style.line)}
-    return [*traces, line(w[few], curves[-1, few], model.curve_name, {"line": drawn, **group})]
 
 
 def _range(models: Sequence[Model], data: DataDescription, joint: int) -> list[float]:

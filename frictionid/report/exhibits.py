@@ -119,7 +119,12 @@ def exhibits_of(section: Section, data: SummaryData, names: Names) -> Exhibits:
         heading = "Torque left, per joint"
         tables.append(NamedTable(f"torque--{stem}", left, torque_numbers(frames), heading))
     pictures = list(motion_pictures(section, data, names))
-    pictures += example_pictures(chosen_of(section), data, names, stem)
+    if (chosen := chosen_of(section)) is not None:
+        figure = example_motions(chosen, data, names.styles[chosen.label])
+        band = "; band: 95 % interval of the prediction, by what leaving out each fold changes"
+        caption = f"Best, median and worst prediction of {chosen.name}, {data.dataset}, "
+        caption += f"{data.novelty}{band * data.held_out}."
+        pictures += [] if figure is None else [Picture(f"examples--{stem}", figure, caption)]
     if data.held_out:
         tables += fitted_tables(section, stem)
         pictures = [*fitted_pictures(section, names), *pictures]
@@ -229,26 +234,21 @@ def kind_pictures(section: Section, names: Names, kind: str) -> Iterator[Picture
     drawn = draw(section, names.styles)
     by_recipe = drawn if isinstance(drawn, dict) else {None: drawn}
     files = file_names(recipe for recipe in by_recipe if recipe is not None)
+    chosen, error = chosen_of(section), verdict_of(section).measure.of_what
     for recipe, figures in by_recipe.items():
         shown = figures if isinstance(figures, list) else [figures]
         ending = "" if recipe is None else f"--{files[recipe]}"
-        words = caption.format_map(_words(section, recipe))
+        words = caption.format(
+            dataset=section.dataset,
+            chosen=chosen.name if chosen else "",
+            beside=_beside(section, recipe),
+            error=error[:1].upper() + error[1:],
+            schemes=" and ".join(dict.fromkeys(model.scheme for model in section.shot)),
+        )
         for number, figure in enumerate(shown, 1):
             if figure is not None:
                 several = f"--{number}" if len(shown) > 1 else ""
                 yield Picture(f"{stem}{ending}{several}", figure, words)
-
-
-def _words(section: Section, recipe: str | None) -> dict[str, Any]:
-    """What captions name."""
-    chosen, error = chosen_of(section), verdict_of(section).measure.of_what
-    return {
-        "dataset": section.dataset,
-        "chosen": chosen.name if chosen else "",
-        "beside": _beside(section, recipe),
-        "error": error[:1].upper() + error[1:],
-        "schemes": " and ".join(dict.fromkeys(model.scheme for model in section.shot)),
-    }
 
 
 def _beside(section: Section, recipe: str | None) -> str:
@@ -265,21 +265,6 @@ def motion_pictures(section: Section, data: SummaryData, names: Names) -> Iterat
         if figure is not None:
             caption = f"Predicted over measured motion, {data.dataset}, {data.novelty}{beside}."
             yield Picture(f"motion--{stem}--{files[recipe]}", figure, caption)
-
-
-def example_pictures(
-    model: Model | None, data: SummaryData, names: Names, stem: str
-) -> Iterator[Picture]:
-    """Best, median and worst prediction of one model."""
-    if model is None:
-        return
-    figure = example_motions(model, data, names.styles[model.label])
-    if figure is not None:
-        band = "; band: 95 % interval of the prediction, by what leaving out each fold changes"
-        caption = (
-            f"Best, median and worst prediction of {model.name}, {data.dataset}, {data.novelty}"
-        )
-        yield Picture(f"examples--{stem}", figure, f"{caption}{band * data.held_out}.")
 
 
 def correlation_picture(

@@ -63,7 +63,7 @@ def described(design: Design) -> str:
         "noise": ", ".join(noise),
         "friction": str(e.friction).splitlines()[1:],
         "recordings": list(zip(families, design.start.tolist(), strict=True)),
-        "unit": ", ".join(dict.fromkeys(units)),
+        "unit": either(units),
         "limits": terminal_text(limit_table(design)),
         "repetitions": len(design.monte_carlo.everything),
         "errors": terminal_text(error_table(design)),

@@ -148,7 +148,8 @@ def _panel(axis: Any, loops: Sequence[HysteresisLoop], colour: str) -> None:
         axis.axhline(0, **ZERO)
     for torque in shown.torque[shown.folds]:
         axis.plot(*_closed(shown.velocity, torque), color=colour, linewidth=0.4, alpha=0.35)
-    for loop, tone in zip(loops, _tones(len(loops)), strict=True):
+    tones = np.interp(np.linspace(0, 2, len(loops)), (0, 1, 2), TONES) if len(loops) > 1 else [0.0]
+    for loop, tone in zip(loops, tones, strict=True):
         mean = loop.torque[loop.folds].mean(axis=0)
         axis.plot(*_closed(loop.velocity, mean), color=mixed(colour, tone), linewidth=1.3)
 
@@ -190,12 +191,6 @@ def _broken(w: Array, torque: Array) -> tuple[Array, Array]:
     far = np.abs(np.diff(w)) > RESOLVED * most
     jumps = np.flatnonzero(far & (side[1:] != side[:-1])) + 1
     return np.insert(w, jumps, np.nan), np.insert(torque, jumps, np.nan)
-
-
-def _tones(count: int) -> list[float]:
-    if count == 1:
-        return [0.0]
-    return [float(t) for t in np.interp(np.linspace(0, 2, count), (0, 1, 2), TONES)]
 
 
 # --- What the advantage of memory consists of -----------------------------------------------------

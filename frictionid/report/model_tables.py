@@ -99,7 +99,7 @@ def verdict_table(verdict: Verdict, numbers: pd.DataFrame) -> Table:
     ]
     for name in ("aic", "bic") if numbers["aic"].notna().any() else ():
         differences = numbers[name] - numbers[name].min()
-        cells = [signed(v, 1) for v in differences]
+        cells = list(map(signed, differences))
         parts.append((Column(name.upper(), "less the lowest"), cells))
     if (numbers["implausible"] != "").any():
         implausible = numbers["implausible"].replace("", NOTHING)

@@ -74,13 +74,13 @@ def factor(value: float) -> str:
     return fixed(value, 2 if value < 1.1 else 1 if value < 10 else 0)
 
 
-def signed(value: float, places: int) -> str:
-    """A difference with so many decimals and its sign.
+def signed(value: float) -> str:
+    """A difference with one decimal and its sign.
 
-    >>> signed(-0.0123, 3), signed(0.5, 1), signed(-0.0001, 2)
-    ('−0.012', '+0.5', '0.00')
+    >>> signed(-0.123), signed(0.5), signed(-0.01)
+    ('−0.1', '+0.5', '0.0')
     """
-    text = fixed(abs(value), places)
+    text = fixed(abs(value), 1)
     if not any(digit in text for digit in "123456789"):
         return text
     return f"{'+' if value >= 0 else MINUS}{text}"

@@ -120,11 +120,11 @@ def _interval(values: Array) -> tuple[float, float]:
     return test.low, test.high
 
 
-def _outcome(beyond: bool, excluded: bool, worst: str) -> str:
+def _outcome(beyond: bool, excluded: bool) -> str:
     """Worst where a value is beyond its limit and its interval excludes it; else "noted" if so."""
     if not beyond:
         return PASSED
-    return worst if excluded else NOTED
+    return FAILED if excluded else NOTED
 
 
 def _dissipation(where: str, velocity: Array, curves: Array, joints: _Joints) -> _Answer:
@@ -132,7 +132,7 @@ def _dissipation(where: str, velocity: Array, curves: Array, joints: _Joints) ->
     worst = _worst(lowest_dissipation(velocity, curves), joints, np.argmin)
     drives = worst.value < DRIVES
     verb = "drives the motion" if drives else "opposes the motion"
-    outcome = _outcome(drives, not worst.high >= 0, FAILED)
+    outcome = _outcome(drives, not worst.high >= 0)
     return outcome, f"{verb}{where}: lowest {worst.text}", *worst[:3]
 
 
@@ -152,7 +152,7 @@ def _cycles(model: Model) -> _Answer:
     work = np.stack([cycle_work(loop.velocity, loop.torque) for loop in model.loops], axis=-1)
     value, low, high, _ = _worst(work, len(model.loops) * ("",), np.argmin)
     verb = "gives energy" if value < DRIVES else "takes energy"
-    outcome = _outcome(value < DRIVES, not high >= 0, FAILED)
+    outcome = _outcome(value < DRIVES, not high >= 0)
     return outcome, f"{verb} over closed cycles", value, low, high
 
 
@@ -199,7 +199,7 @@ def _energy(model: Model, data: SummaryData) -> _Answer:
     if not np.isfinite(value):
         return NOT_EVALUATED, "no energy is known, or a fold implies that friction gives some"
     low, high = (v - 1.0 for v in _interval(data.of_folds(model, ENERGY)))
-    outcome = _outcome(abs(value) > UNBALANCED, low > 0 or high < 0, FAILED)
+    outcome = _outcome(abs(value) > UNBALANCED, low > 0 or high < 0)
     amount = f"{_percent(abs(value))} {'more' if value > 0 else 'less'}"
     words = f"takes {amount} energy than the motion implies{_span(low, high)}"
     return outcome, words, value, low, high

@@ -190,7 +190,7 @@ def score_table(compared: SideBySide) -> Table:
     rows = []
     for score in compared.scores:
         ratio = score.after / score.before if score.before > 0 else float("nan")
-        change = f"{signed(100 * (ratio - 1), 1)} %" if np.isfinite(ratio) else NOTHING
+        change = f"{signed(100 * (ratio - 1))} %" if np.isfinite(ratio) else NOTHING
         after = f"{seconds(score.horizon)} [{score.unit}]"
         values = (fixed(v, places) for v in (score.before, score.after))
         rows.append([score.dataset, score.model, after, *values, change, score.standing])

@@ -12,12 +12,10 @@ from .numbers import (
     INFINITE,
     NOTHING,
     divergence_limit,
-    factor,
     fixed,
     percent,
     seconds,
     short,
-    signed,
     with_error,
 )
 
@@ -285,7 +283,7 @@ def _group_heads(columns: Sequence[Column], widths: list[int], indent: int) -> A
     return top
 
 
-NUMBERS = (short, fixed, percent, factor, signed, seconds, divergence_limit, with_error)
+NUMBERS = (short, fixed, percent, seconds, divergence_limit, with_error)
 
 
 def render_page(template: str, context: Mapping[str, Any]) -> str:

@@ -74,7 +74,21 @@ def _contents(results: Results, jobs: int) -> dict[str, bytes]:
         for section in sections
     ]
     drawn = {stem: files["svg"] for stem, files in figures.items()}
-    context = _context(results, sections, parts, names) | {"images": _images(exhibits, drawn)}
+    context = {
+        "title": results.provenance.get("title") or results.provenance["suite"],
+        "parts": parts,
+        "warnings": warning_lines(results, sections),
+        "provenance": results.provenance,
+        "digest": _digest,
+        "recipes": {m.recipe: m for s in sections for m in s.models if m.recipe},
+        "identifiers": {m.identifier: m for s in sections for m in s.models},
+        "plotly": base64.b64encode(plotly_script()).decode(),
+        "number": count(1).__next__,
+        "document": document_of,
+        "fits": names.fits,
+        "colours": {label: style.colour for label, style in names.styles.items()},
+        "images": _images(exhibits, drawn),
+    }
     texts = {
         "verdict.json": verdict_json(list(map(verdict_of, sections))),
         "index.html": render_page("index.html.j2", context),
@@ -96,25 +110,6 @@ def _drawn(figure: Any) -> dict[str, bytes]:
 
 
 # --- What summary and page show -------------------------------------------------------------------
-
-
-def _context(
-    results: Results, sections: Sequence[Section], parts: Sequence[Mapping[str, Any]], names: Names
-) -> dict[str, Any]:
-    return {
-        "title": results.provenance.get("title") or results.provenance["suite"],
-        "parts": parts,
-        "warnings": warning_lines(results, sections),
-        "provenance": results.provenance,
-        "digest": _digest,
-        "recipes": {m.recipe: m for s in sections for m in s.models if m.recipe},
-        "identifiers": {m.identifier: m for s in sections for m in s.models},
-        "plotly": base64.b64encode(plotly_script()).decode(),
-        "number": count(1).__next__,
-        "document": document_of,
-        "fits": names.fits,
-        "colours": {label: style.colour for label, style in names.styles.items()},
-    }
 
 
 def _digest(hashes: Mapping[str, str]) -> str:

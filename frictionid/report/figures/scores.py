@@ -188,10 +188,18 @@ def loss_against(section: Section, styles: Styles) -> Any:
     picture = figure(2.7)
     for axis, (label, heights) in zip(picture.subplots(1, 2), panels.items(), strict=True):
         for model in section.models:
-            # points on the same spot become rings around each other
-            size = max(10 - 1.5 * names.index(model.label), 4.0)
+            loss, colour = data.value(model, EULER), styles[model.label].colour
             height = heights.get(model, float("nan"))
-            _point(axis, section, model, (height, size), styles[model.label].colour)
+            if model.role == "truth" and np.isfinite(loss):
+                axis.axvline(loss, **TRUTH)
+            if not np.isfinite([loss, height]).all() or height <= 0:
+                continue
+            kind = MARKERS.get(model.role) or _marker(section, model.recipe)
+            face = "white" if _is_hollow(section, model.recipe) else colour
+            # points on the same spot become rings around each other
+            size = SIZES.get(model.role, max(10 - 1.5 * names.index(model.label), 4.0))
+            look = {"markersize": size, "markeredgewidth": 1.3}
+            axis.plot(loss, height, kind, color=colour, markerfacecolor=face, **look)
         axis.set(xlabel=f"one-step loss, euler [{unit}/s]", ylabel=label)
         axis.grid()
         plain_logarithm(axis)
@@ -202,22 +210,6 @@ def loss_against(section: Section, styles: Styles) -> Any:
         key[f"{recipe} recipe"] = marker("black", _marker(section, recipe), 6, face)
     key_above(picture, key, 0.8)
     return picture
-
-
-def _point(
-    axis: Any, section: Section, model: Model, place: tuple[float, float], colour: str
-) -> None:
-    """A model's point at its loss, with the marker of its recipe; `place`: its height and size."""
-    height, size = place
-    loss = section.fitted.value(model, EULER)
-    if model.role == "truth" and np.isfinite(loss):
-        axis.axvline(loss, **TRUTH)
-    if not np.isfinite([loss, height]).all() or height <= 0:
-        return
-    kind = MARKERS.get(model.role) or _marker(section, model.recipe)
-    face = "white" if _is_hollow(section, model.recipe) else colour
-    look = {"markersize": SIZES.get(model.role, size), "markeredgewidth": 1.3}
-    axis.plot(loss, height, kind, color=colour, markerfacecolor=face, **look)
 
 
 def _marker(section: Section, recipe: str) -> str:

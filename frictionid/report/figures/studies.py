@@ -74,8 +74,11 @@ def learning_curves(section: Section, styles: Styles) -> Any:
         for part, values in losses.items():
             epochs = np.arange(1, values.shape[1] + 1)
             axis.plot(epochs, values.T, color=colours[part], linewidth=0.6, alpha=0.6)
-        if "held_out" in losses:
-            _ends(axis, losses["held_out"])
+        for values in losses.get("held_out", ()):
+            finite = np.where(np.isfinite(values), values, np.inf)
+            best = int(finite.argmin())
+            if np.isfinite(finite[best]):
+                axis.plot(best + 1, finite[best], ".", color=DARK, markersize=4, zorder=5)
         plain_logarithm(axis)
         axis.xaxis.get_major_locator().set_params(integer=True)
         axis.set_title(plain(model.name), fontsize=7, loc="left", color=colours["held_out"])
@@ -88,15 +91,6 @@ def learning_curves(section: Section, styles: Styles) -> Any:
     }
     key_above(picture, key)
     return picture
-
-
-def _ends(axis: Any, losses: Array) -> None:
-    """A dot where each fold was best."""
-    for values in losses:
-        finite = np.where(np.isfinite(values), values, np.inf)
-        best = int(finite.argmin())
-        if np.isfinite(finite[best]):
-            axis.plot(best + 1, finite[best], ".", color=DARK, markersize=4, zorder=5)
 
 
 SHOWN = 14  # bars of a panel
