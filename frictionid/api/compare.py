@@ -133,7 +133,9 @@ def compare(
             replace=replace,
             done=lambda t: done(t.name),
         )
-        return Comparison(results, dataset, laws=_own_laws(tasks))
+        laws = dict.fromkeys(type(getattr(task.identifier, "law", None)) for task in tasks)
+        own = (law for law in laws if issubclass(law, Law) and law not in LAWS.values())
+        return Comparison(results, dataset, laws=tuple(own))
     by_model: dict[tuple[str, str], tuple[Task, Outcome]] = {}
     with counted(len(tasks), "comparing", done) as step:
         for task, result in results_of(tasks, prepared, jobs=jobs, dask=dask):
@@ -173,12 +175,6 @@ def _settings(task: Task) -> dict[str, Any]:
         "folds": {"count": folds.count, "gap": folds.gap},
         "datasets": [{"path": task.benchmark.dataset.name}],
     }
-
-
-def _own_laws(tasks: Sequence[Task]) -> tuple[type[Law], ...]:
-    """Classes of the laws of the tasks that are not built in."""
-    laws = {type(getattr(task.identifier, "law", None)) for task in tasks}
-    return tuple(law for law in laws if issubclass(law, Law) and law not in LAWS.values())
 
 
 def _named(models: Mapping[str, Any] | Sequence[Any]) -> list[tuple[str, Any]]:

@@ -61,14 +61,27 @@ def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ())
                 theta[place] = entries[-1].value
     if not entries:
         raise InputError(f"pool: no parameter has two estimates; {'; '.join(sentences)}")
-    document = Pooled(tuple(names), tuple(entries), tuple(sentences))
+    hashes = {
+        f"{name}: {file}": digest
+        for model, name in zip(models, names, strict=True)
+        for file, digest in model.provenance.data.items()
+    }
+    source = Provenance(
+        dataset=f"{len(names)} specimens",
+        data=hashes,
+        pooled=Pooled(tuple(names), tuple(entries), tuple(sentences)),
+        joints=first.joints,
+    )
+    speeds = [model.provenance.speeds for model in models]
+    if all(len(each) == first.n for each in speeds):
+        source = source.but({"speeds": tuple(np.min(speeds, axis=0).tolist())})
     common = set.intersection(*(set(model.parameters.items()) for model in models))
     parameters = {k: v for k, v in first.parameters.items() if (k, v) in common}
     return Friction(
         first.law,
         theta,
         parameters,
-        _source(models, names, document),
+        source,
         first.position_units,
         load_unit=first.load_unit,
     )
@@ -247,18 +260,3 @@ def check_alike(models: Sequence[Friction], names: Sequence[str], equal: Groups 
                     f"pool: joints {', '.join(map(str, group))} of {name} were fitted as one: "
                     "give the fit in which each has parameters of its own"
                 )
-
-
-def _source(models: Sequence[Friction], names: Sequence[str], document: Pooled) -> Provenance:
-    """Where the pooled friction is from: its models, their recordings, the speeds of all."""
-    hashes = {
-        f"{name}: {file}": digest
-        for model, name in zip(models, names, strict=True)
-        for file, digest in model.provenance.data.items()
-    }
-    speeds = [model.provenance.speeds for model in models]
-    alike = all(len(each) == models[0].n for each in speeds)
-    source = Provenance(
-        dataset=f"{len(names)} specimens", data=hashes, pooled=document, joints=models[0].joints
-    )
-    return source.but({"speeds": tuple(np.min(speeds, axis=0).tolist())}) if alike else source

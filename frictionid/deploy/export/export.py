@@ -115,7 +115,14 @@ def export(
     named = card.joints if card else ()
     named = named if dataset is None else tuple(dataset.mechanism.friction_names)
     joints = chosen.joints or named
-    friction = _at(friction_of(model), temperature)
+    friction = friction_of(model)
+    if temperature is not None:
+        if not friction.law.uses_temperature:
+            raise InputError(
+                f"temperature = {temperature:g} degC: this friction does not depend on it, leave "
+                "it out"
+            )
+        friction = friction.at_temperature(temperature)
     if named and len(named) != friction.n:
         raise InputError(
             f"the model has friction at {friction.n} parts, the data set at {len(named)}: "
@@ -140,17 +147,6 @@ def export(
     for path, content in zip(paths, written.files.values(), strict=True):
         write_bytes(path, content)
     return Exported(paths, lost, notes, cost, back)
-
-
-def _at(friction: Friction, temperature: float | None) -> Friction:
-    """The friction at a temperature, where one is chosen."""
-    if temperature is None:
-        return friction
-    if not friction.law.uses_temperature:
-        raise InputError(
-            f"temperature = {temperature:g} degC: this friction does not depend on it, leave it out"
-        )
-    return friction.at_temperature(temperature)
 
 
 Held = Callable[[ExportedFriction], Friction]

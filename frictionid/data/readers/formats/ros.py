@@ -68,8 +68,7 @@ def read(path: Path, settings: Mapping[str, Any]) -> Recording:
             raise InputError(
                 f"{file}: [reader] driven: {name!r} is no joint; {nearest(name, names)}"
             )
-    columns = {field: values_of(messages, names, field, file) for field in _FIELDS}
-    q, w, u = (columns[field] for field in _FIELDS)
+    q, w, u = (values_of(messages, names, field, file) for field in _FIELDS)
     if q is None:
         raise InputError(f"{file}: the joint states have no position; record another topic")
     if u is None and driven:
