@@ -133,9 +133,9 @@ def compare(
             replace=replace,
             done=lambda t: done(t.name),
         )
-        laws = dict.fromkeys(type(getattr(task.identifier, "law", None)) for task in tasks)
-        own = (law for law in laws if issubclass(law, Law) and law not in LAWS.values())
-        return Comparison(results, dataset, laws=tuple(own))
+        kinds = dict.fromkeys(type(getattr(task.identifier, "law", None)) for task in tasks)
+        laws = (kind for kind in kinds if issubclass(kind, Law) and kind not in LAWS.values())
+        return Comparison(results, dataset, laws=tuple(laws))
     by_model: dict[tuple[str, str], tuple[Task, Outcome]] = {}
     with counted(len(tasks), "comparing", done) as step:
         for task, result in results_of(tasks, prepared, jobs=jobs, dask=dask):

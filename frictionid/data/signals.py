@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from frictionid.errors import InputError
+from frictionid.errors import InputError, located
 
 Array = NDArray[np.float64]
 
@@ -182,8 +182,8 @@ def check_signal(where: str, signal: Signal) -> None:
             f"{where}: time must have shape (T,) and value (T, n) with T, n > 0, "
             f"not {time.shape} and {value.shape}"
         )
-    if signal.hold not in (None, "linear", "previous"):
-        raise InputError(f'{where}: hold must be "linear" or "previous", not {signal.hold!r}')
+    with located(where):
+        holds(signal)
     fault = first_fault(time, value, ("time", *(f"column {k}" for k in range(value.shape[1]))))
     if fault:
         raise InputError(f"{where}, sample {fault[0]} (the first is 0): {fault[1]}")

@@ -108,7 +108,7 @@ def constant(friction: Friction) -> Array:
     return np.zeros(friction.n)
 
 
-def joint_values(friction: Friction, j: int, back_emf: float = 0.0) -> dict[str, str]:
+def joint_values(friction: Friction, j: int, back_emf: float) -> dict[str, str]:
     """Attributes of a joint: level, and damping by powers of the velocity.
 
     >>> import numpy as np

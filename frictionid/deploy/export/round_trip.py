@@ -95,7 +95,7 @@ def _clock(initial: InitialStates, s: int) -> Array:
 
 
 def run_by_engine(
-    engine: Any, model: ExportedFriction, initial: InitialStates, passive: Any = None
+    engine: Any, model: ExportedFriction, initial: InitialStates, passive: Any
 ) -> Array:
     """Angles (S, n) at the horizon, by the engine's steps, shortened to end there."""
     import mujoco

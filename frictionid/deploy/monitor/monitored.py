@@ -144,7 +144,7 @@ class Monitored:
         }
 
 
-def write_monitoring(folder: Path, monitored: Monitored, *, replace: bool = False) -> Path:
+def write_monitoring(folder: Path, monitored: Monitored, *, replace: bool) -> Path:
     """Path of the page written, with its numbers and its picture beside it."""
     with style.drawing():
         kinds = style.rendered(_drift(monitored), ("svg", "pdf"))

@@ -285,8 +285,7 @@ def follow(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[Markers]:
 
 def gather(steps: list[Markers]) -> Markers:
     """Markers of single frames as arrays over all frames."""
-    columns = [np.stack([getattr(s, name) for s in steps]) for name in Markers._fields]
-    return Markers(*columns)
+    return Markers._make(map(np.stack, zip(*steps, strict=True)))
 
 
 def _extrapolated(past: list[tuple[float, Array]], time: float) -> tuple[Array, Array]:
