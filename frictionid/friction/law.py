@@ -243,6 +243,10 @@ class Law(ABC):
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         """Friction torque Tf, shape (..., n) [N m], opposing positive velocity."""
 
+    def sign(self, w: Array) -> Array:
+        """sgn(w) smoothed over the law's `width`."""
+        return smooth_sign(w, self.width, self.shape)
+
     @abstractmethod
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         """Break-away level (..., n) [N m]: smaller loads cannot move the joint from rest.
@@ -329,6 +333,11 @@ class Law(ABC):
         it is finite; without `position_units` of the joints all are "rad".
         """
         return []
+
+
+def no_limit(law: Law, theta: Array, x: Inputs, memory: Memory) -> Array:
+    """The break-away level, zero, of laws that a joint at rest does not feel as a level."""
+    return 0.0 * (theta[..., 0] + x.w)
 
 
 def smooth_sign(w: Array, width: float, shape: str = "tanh") -> Array:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,9 @@ def part_of(part: Any, where: str, kinds: Sequence[str] = tuple(PARTS)) -> Law:
     return PARTS[kind](**settings)
 
 
+Quantity = Literal["torque", "limit"]  # of a law, as its method is called
+
+
 class CombinedLaw(Law):
     """A law made of others, its `parts`, which are smoothed alike.
 
@@ -91,6 +94,16 @@ class CombinedLaw(Law):
     def uses_load(self) -> bool:  # type: ignore[override]
         """Whether a part depends on the load."""
         return any(law.uses_load for law in self.parts)
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self.of_parts("torque", theta, x, memory)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self.of_parts("limit", theta, x, memory)
+
+    def of_parts(self, what: Quantity, theta: Array, x: Inputs, memory: Memory) -> Array:
+        """Torque or break-away level (..., n) [N m] from that of the parts."""
+        raise NotImplementedError
 
     def starts_together(self) -> list[tuple[tuple[float, ...], ...]]:
         """Values of each part to start fits from, as often as the part with most of them has."""
@@ -174,13 +187,9 @@ class PerJoint(CombinedLaw):
             out[j, places] = True
         return out
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+    def of_parts(self, what: Quantity, theta: Array, x: Inputs, memory: Memory) -> Array:
         parts = self._each(theta, x, memory)
-        return _joined([law.torque(numbers, at, z) for law, numbers, at, z in parts])
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        parts = self._each(theta, x, memory)
-        return _joined([law.limit(numbers, at, z) for law, numbers, at, z in parts])
+        return _joined([getattr(law, what)(numbers, at, z) for law, numbers, at, z in parts])
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         columns = []
@@ -296,12 +305,8 @@ class Sum(CombinedLaw):
     def parameters(self) -> tuple[LawParameter, ...]:
         return tuple(self._layout[0])
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        first, *others = (law.torque(numbers, x, ()) for law, numbers in self._each(theta))
-        return sum(others, start=first)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        first, *others = (law.limit(numbers, x, ()) for law, numbers in self._each(theta))
+    def of_parts(self, what: Quantity, theta: Array, x: Inputs, memory: Memory) -> Array:
+        first, *others = (getattr(law, what)(numbers, x, ()) for law, numbers in self._each(theta))
         return sum(others, start=first)
 
     def gradient(self, theta: Array, x: Inputs) -> Array:

@@ -21,7 +21,6 @@ from pydantic import Field
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from ..law import smooth_sign
 from .levels import LOAD, SIDES, Speeds, above_zero, by_side, check_increasing, on_side
 
 
@@ -62,11 +61,11 @@ class Table(Law):
             value = self._value(theta, x, i)
             level = level + (value - before) * climbed
             before = value
-        return level * smooth_sign(x.w, self.width, self.shape)
+        return level * self.sign(x.w)
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         xp = namespace(theta, x.w)
-        sign = smooth_sign(x.w, self.width, self.shape)
+        sign = self.sign(x.w)
         edges = [1.0 + 0.0 * x.w, *self._climbed(x), 0.0 * x.w]
         shares = [(a - b) * sign for a, b in zip(edges[:-1], edges[1:], strict=True)]
         up, down = zip(*(by_side(x.w, share) for share in shares), strict=True)
@@ -142,11 +141,11 @@ class Spline(Law):
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
         sums = (self._with_load(_sum(part, steps), theta, x) for part in self._parts(theta))
-        return on_side(x.w, *map(above_zero, sums)) * smooth_sign(x.w, self.width, self.shape)
+        return on_side(x.w, *map(above_zero, sums)) * self.sign(x.w)
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
-        sign = smooth_sign(x.w, self.width, self.shape)
+        sign = self.sign(x.w)
         columns: list[Array] = []
         by_load = 0.0 * (theta[..., 0] + x.w)
         signs = by_side(x.w, sign, len(self._sides))

@@ -17,7 +17,6 @@ from frictionid.config import Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from ..law import smooth_sign
 
 Speeds = Annotated[tuple[Positive, ...], Field(min_length=2)]  # [rad/s], see `check_increasing`
 
@@ -156,7 +155,7 @@ class LevelLaw(Law):
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         level = self._with_terms(self.level.at(theta, x.w, x.w), theta, x, rubbing=True)
-        torque = level * smooth_sign(x.w, self.width, self.shape)
+        torque = level * self.sign(x.w)
         return self._with_terms(torque, theta, x, rubbing=False)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
@@ -164,7 +163,7 @@ class LevelLaw(Law):
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         zero = 0.0 * (theta[..., 0] + x.w)
-        sign = smooth_sign(x.w, self.width, self.shape) + zero
+        sign = self.sign(x.w) + zero
         columns = self.level.gradient(theta, x.w, sign)
         columns += [t.factor(x) * sign if t.rubbing else t.factor(x) + zero for t in self.terms]
         return namespace(zero).stack(columns, axis=-1)

@@ -18,7 +18,6 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import NotNegative
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from ..law import smooth_sign
 from .levels import (
     COARSE_VELOCITIES,
     COULOMB,
@@ -119,14 +118,14 @@ class GearLoad(Law):
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         left = namespace(theta, x.w).exp(-self._power(theta, x))
         level = self._level(theta, x) + left * self._peaks(theta, x)
-        return level * smooth_sign(x.w, self.width, self.shape) + theta[..., 1] * x.w
+        return level * self.sign(x.w) + theta[..., 1] * x.w
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         xp = namespace(theta, x.w)
         power = self._power(theta, x)
         left = xp.exp(-power)
         zero = 0.0 * left
-        sign = smooth_sign(x.w, self.width, self.shape) + zero
+        sign = self.sign(x.w) + zero
         u, te = x.u, self._external(x)
         levels = _size_slopes(theta[..., 2], theta[..., 3], u, te)
         peaks = (*_size_slopes(theta[..., 5], theta[..., 6], u, te), *_squares(u, te))

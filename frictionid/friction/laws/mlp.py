@@ -25,7 +25,6 @@ from frictionid.config import Count, NotNegative, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Law, LawParameter, Memory
 
-from ..law import smooth_sign
 from .layers import Hidden, input_slopes, slopes, stacked
 from .levels import above_zero
 from .network_law import HEAD, REACH, Features, LevelNetwork, fine, fine_slope, side_of, within
@@ -145,7 +144,7 @@ class WindowMLP(LevelNetwork):
         by_entry, by_reach = self._by_memory(x, memory, reach, by_z)
         by_reach = by_reach - (by_z[..., 0] * fine_slope(share) + level.tail) * share / reach
         columns = (level.by_torque, level.by_y * by_reach, level.by_tail)
-        sign = smooth_sign(x.w, self.width, self.shape)
+        sign = self.sign(x.w)
         by_memory = tuple(level.by_y * sign * entry for entry in by_entry)
         return self.torque_slopes(x, level, columns, by_weights), by_memory
 

@@ -18,7 +18,6 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from ..law import smooth_sign
 from .layers import beside, cells_after, count, drawn, drawn_gates, outputs, rise
 from .levels import above_zero, on_side
 
@@ -264,7 +263,7 @@ class LevelNetwork(NetworkLaw):
         xp = namespace(by_weights)
         head = xp.stack([column + 0.0 * level.by_y for column in by_scales], axis=-1)
         whole = xp.concat([head, level.by_y[..., None] * by_weights], axis=-1)
-        return whole * smooth_sign(x.w, self.width, self.shape)[..., None]
+        return whole * self.sign(x.w)[..., None]
 
     def inputs(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
         """Inputs (..., n, a) of the layers at another speed in the direction of x.w."""
@@ -273,7 +272,7 @@ class LevelNetwork(NetworkLaw):
     def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
         speed = namespace(x.w).abs(x.w)
         z = self.inputs(theta, x, speed, memory)
-        return Features(z, speed / theta[..., 1], smooth_sign(x.w, self.width, self.shape))
+        return Features(z, speed / theta[..., 1], self.sign(x.w))
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         still = 0.0 * x.w

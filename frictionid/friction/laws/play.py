@@ -21,7 +21,7 @@ from frictionid.config import Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from .combined import CombinedLaw
+from .combined import CombinedLaw, Quantity
 
 _GAP = LawParameter("gap", "rad", 1e-4, 1.0, (0.002, 0.006, 0.02, 0.06), stepwise=True, size=0.03)
 _SLOW = 0.02  # [rad/s], contact closes no more sharply than at this speed
@@ -86,20 +86,11 @@ class Play(CombinedLaw):
         xp, reach = namespace(theta, x.w), self._reach(theta, x.w)
         return (xp.minimum(xp.maximum(memory[0] + x.w * dt, -reach), reach),)
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        (behind, joint), (of_law, of_joint) = self.parts, self._split(theta)
-        share = self._share(theta, x, memory, self._half(x.w))
-        return share * behind.torque(of_law, x, ()) + joint.torque(of_joint, x, ())
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        (behind, joint), (of_law, of_joint) = self.parts, self._split(theta)
-        share = self._share(theta, x, memory, self._half(0.0 * x.w))
-        return share * behind.limit(of_law, x, ()) + joint.limit(of_joint, x, ())
-
-    def _split(self, theta: Array) -> tuple[Array, Array]:
-        """Parameters of the laws behind the play and of the joint."""
-        count = len(self.inner.names)
-        return theta[..., :count], theta[..., count + 1 :]
+    def of_parts(self, what: Quantity, theta: Array, x: Inputs, memory: Memory) -> Array:
+        behind, joint = (getattr(law, what) for law in self.parts)
+        half = self._half(x.w if what == "torque" else 0.0 * x.w)
+        share, gap = self._share(theta, x, memory, half), len(self.inner.names)
+        return share * behind(theta[..., :gap], x, ()) + joint(theta[..., gap + 1 :], x, ())
 
     def _reach(self, theta: Array, w: Array) -> Array:
         """Largest |z| [rad]: beyond the side by half the way over which contact closes."""

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from ..law import smooth_sign
+from ..law import no_limit
 from .levels import COARSE_VELOCITIES, COULOMB, LOSS, VISCOUS, Level, stribeck_factor
 
 PRESLIDING = LawParameter("presliding", "rad", 1e-5, 1.0, (0.002, 0.006, 0.02, 0.06), size=0.03)
@@ -69,19 +69,17 @@ class BristleLaw(Law):
 
     width: float = 0.02
     shape: str = "tanh"
+    limit = no_limit
 
     def steady(self, theta: Array, w: Array) -> Array:
         """Bend (..., n) in steady sliding [rad], > 0."""
         return theta[..., 2]
 
     def start(self, theta: Array, x: Inputs) -> Memory:
-        return (self.steady(theta, x.w) * smooth_sign(x.w, self.width, self.shape),)
+        return (self.steady(theta, x.w) * self.sign(x.w),)
 
     def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array]:
         return bristle_relaxation(x.w, self.steady(theta, x.w), dt)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return 0.0 * (theta[..., 0] + x.w)
 
     def sharpened(self) -> Law:
         """The law itself: its smoothing says how the bristles start, they hold the joint."""
@@ -193,7 +191,7 @@ class FilmLag(Law):
         return (namespace(x.w).abs(x.w) + 0.0 * theta[..., 0],)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        sign = smooth_sign(x.w, self.width, self.shape)
+        sign = self.sign(x.w)
         return self.level.at(theta, memory[0], x.w) * sign + theta[..., -2] * x.w
 
     def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from ..law import smooth_sign
+from ..law import no_limit, smooth_sign
 from .layers import Hidden, outputs
 from .library import written_sums
 from .network_law import Features, NetworkLaw
@@ -65,6 +65,7 @@ class StateLibrary(Law):
     width: float = 0.1
     shape = ""  # of an input, not of friction
     is_sparse = True
+    limit = no_limit
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,9 +98,6 @@ class StateLibrary(Law):
     def gradient(self, theta: Array, x: Inputs) -> Array:
         f = self.features(x)
         return -(f[..., None, :] + 0.0 * (theta[..., :1] + x.w[..., None]))
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return 0.0 * (theta[..., 0] + x.w)
 
     def equation(
         self, theta: Array, half: Array | None = None, position_units: Sequence[str] = ()
@@ -190,6 +188,7 @@ class StateNetworkLaw(NetworkLaw):
     hidden: tuple[int, ...]
     turning: bool
     scales: ClassVar = _SCALES
+    limit = no_limit
 
     @property
     def measured(self) -> int:
@@ -199,9 +198,6 @@ class StateNetworkLaw(NetworkLaw):
     @property
     def sizes(self) -> tuple[int, ...]:
         return (self.measured + self.cells, *self.hidden, 1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return 0.0 * (theta[..., 0] + x.w)
 
     def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
         values = _values(self, x, theta[..., 1], theta[..., 2])
