@@ -153,7 +153,7 @@ _FREE = 10.0  # of a base parameter: as good as free
 def _balances(
     rows: Rows, nominal: Array, torque: SignalIntegrals, prior: float = PARAMETER_PRIOR
 ) -> _Balances:
-    nuisance = nuisance_of(rows, nominal, uncertain_mechanism=True, prior=prior)
+    nuisance = nuisance_of(rows, nominal, prior)
     return _Balances(rows, torque, nuisance, rows.required(nominal))
 
 

@@ -11,7 +11,7 @@ from frictionid.arrays import MAD
 
 from .findings import Finding, finding
 from .motion import Measured
-from .partial_regression import nuisance_of
+from .partial_regression import PARAMETER_PRIOR, nuisance_of
 from .regression import FRICTION, Estimate, Regression, friction_columns
 
 WIDTH = 0.1  # [s] of the windows in which a joint turns back
@@ -73,7 +73,7 @@ def drift_findings(regression: Regression, estimate: Estimate) -> Iterator[Findi
     slides = [j for j in range(n) if np.abs(changes[j]).max(initial=0.0) > 0.0]
     if not slides:
         return
-    fit = nuisance_of(rows, nominal, uncertain_mechanism=True).beside(regression.torque)
+    fit = nuisance_of(rows, nominal, PARAMETER_PRIOR).beside(regression.torque)
     target = regression.torque - rows.required(nominal)
     change, error, _ = fit.estimate(target, *(changes[j] for j in slides))
     for j, size, wrong in zip(slides, change.tolist(), error.tolist(), strict=True):

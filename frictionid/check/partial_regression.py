@@ -96,18 +96,16 @@ class Nuisance(NamedTuple):
         return PartialRegression(moving, weight, U[:, s > 1e-9 * s[0]], self.block, self.priors)
 
 
-def nuisance_of(
-    rows: Rows, nominal: Array, *, uncertain_mechanism: bool = False, prior: float = PARAMETER_PRIOR
-) -> Nuisance:
+def nuisance_of(rows: Rows, nominal: Array, prior: float | None = None) -> Nuisance:
     """Free friction of rows of unit parameter vectors, and perhaps changes of the mechanism.
 
-    nominal (R, nb) base parameters; `uncertain_mechanism` makes changes of them a nuisance, too,
-    held by a prior, a share of each; where that is 1 and more, those that are zero are free as well
+    nominal (R, nb) base parameters; with a `prior` changes of them are a nuisance, too, held by it,
+    a share of each; where that is 1 and more, those that are zero are free as well
     """
     moving, terms = rows.moving, rows.at(nominal)
     columns = friction_columns(rows)
-    priors = nominal.shape[1] if uncertain_mechanism else 0
-    if uncertain_mechanism:
+    priors = 0 if prior is None else nominal.shape[1]
+    if prior is not None:
         changes = rows.regressor * (prior * np.abs(nominal[0]))
         if prior >= 1.0:
             silent = np.where(nominal[0] == 0.0, rows.regressor, 0.0)

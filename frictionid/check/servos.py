@@ -80,7 +80,7 @@ def _fits(
         rows = windows_of(measured.balances, width, reversals=reversals)
         if rows.moving.any(1).sum() < MIN_WINDOWS:
             return None
-        nuisance = nuisance_of(rows, measured.nominal, uncertain_mechanism=True, prior=_FREE)
+        nuisance = nuisance_of(rows, measured.nominal, _FREE)
         out.append(_Fit(dataset, motions, rows, rows.required(measured.nominal), nuisance))
     return out[0], out[1]
 

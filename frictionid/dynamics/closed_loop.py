@@ -22,15 +22,7 @@ from frictionid.friction import Friction
 from frictionid.friction.coordinates import resting_parts, turns_of
 from frictionid.mechanics import Plant
 
-from .rollout import (
-    MANY,
-    ahead,
-    begin,
-    diverged,
-    freeze,
-    masked,
-    sampled,
-)
+from .rollout import MANY, ahead, begin, frozen, masked, sampled
 from .state import Instant, State
 from .step_size import StepSize, step_size_of
 from .torque_balance import inverse_of_free
@@ -134,8 +126,9 @@ def closed_loop(
     """
     first = np.searchsorted(controllers.owner, np.arange(controllers.owner[-1] + 2)).tolist()
     stiffest = replace(plant, feedback=controllers.stiffest)
-    ever, longest = friction.at_temperature(_extremes(temperature)), float(controllers.dt.max())
-    size = step_size_of(stiffest, ever, longest)
+    T = temperature  # the coldest and the hottest
+    T = None if T is None else np.stack([T.min(axis=0), T.max(axis=0)])
+    size = step_size_of(stiffest, friction.at_temperature(T), float(controllers.dt.max()))
     state, before, play = start, start, controllers.play
     alive, q, w = None, [start.q], [start.w]
     for k, pieces in enumerate(pairwise(first)):
@@ -145,9 +138,7 @@ def closed_loop(
             state, before, play = _after_sample(
                 plant, there, controllers, range(*pieces), (state, before, play), size
             )
-        wild = diverged(plant, state)
-        if wild.any():
-            state, alive = freeze(state, wild, alive)
+        state, alive = frozen(plant, state, alive)
         q.append(masked(state.q, alive))
         w.append(masked(state.w, alive))
     return State(np.stack(q), np.stack(w))
@@ -174,12 +165,6 @@ def _after_sample(
         play = np.clip(play + state.q - before.q, -drive.half, drive.half)
     since = drive.dt[pieces.start : pieces.stop].sum(axis=0)
     return sampled(now._replace(state=state), since[:, None]), before, play
-
-
-def _extremes(temperature: Array | None) -> Array | None:
-    if temperature is None:
-        return None
-    return np.stack([temperature.min(axis=0), temperature.max(axis=0)])
 
 
 def _loop_at(

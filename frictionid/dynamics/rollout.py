@@ -89,9 +89,7 @@ def rollout(
                 state = ahead(now, dt[k], sizes[k], compiled)
             else:
                 state = _ONE_STEP[method](now, dt[k][..., None])
-        wild = diverged(plant, state)
-        if bool(wild.any()):
-            state, alive = freeze(state, wild, alive)
+        state, alive = frozen(plant, state, alive)
         # a memory of samples takes in the newest one with the torque logged with it
         newest = u[min(k + 1, u.shape[0] - 1)]
         state = sampled(now._replace(state=state, u=newest), dt[k][..., None])
@@ -165,6 +163,12 @@ def freeze(state: State, wild: Array, alive: Array | None) -> tuple[State, Array
     place = xp.where(wild[..., None], xp.zeros_like(state.q), state.q)
     alive = ~wild if alive is None else alive & ~wild
     return State(place, still, state.memory), alive
+
+
+def frozen(plant: Plant, state: State, alive: Array | None) -> tuple[State, Array | None]:
+    """The state with motions at rest that have just diverged, and which have not (...)."""
+    wild = diverged(plant, state)
+    return freeze(state, wild, alive) if bool(wild.any()) else (state, alive)
 
 
 def masked(value: Array, alive: Array | None) -> Array:

@@ -18,8 +18,14 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 
 # What blocks of sensors and servos are where these are ideal.
-IDEAL = {"delay": 0.0, "gain": 1.0, "bias": 0.0, "offset": 0.0}
-IDEAL |= {"target_delay": 0.0, "backlash": 0.0}
+IDEAL = {
+    "delay": 0.0,
+    "gain": 1.0,
+    "bias": 0.0,
+    "offset": 0.0,
+    "target_delay": 0.0,
+    "backlash": 0.0,
+}
 _ORDER = ("friction", "base", "torque", "actuator", "angle")
 FREE = float("inf")
 _FACTOR = 3.0  # of a velocity in one step
@@ -215,11 +221,6 @@ def free_blocks(blocks: Sequence[ParameterBlock], estimate: Estimate) -> tuple[F
     return tuple(out)
 
 
-def all_parameters(blocks: Sequence[FreeBlock]) -> tuple[Parameter, ...]:
-    """All free parameters, with the values that the fit begins with."""
-    return tuple(p for free in blocks for p in free.parameters)
-
-
 class Limits(NamedTuple):
     """What holds D parameters, (D,) each: bounds, and mean and precision of their priors."""
 
@@ -236,6 +237,22 @@ def limits_of(parameters: Sequence[Parameter]) -> Limits:
         for p in parameters
     ]
     return Limits(*np.reshape(rows, (-1, 4)).T)
+
+
+class FreeParameters:
+    """What `blocks` free, of a fit that begins somewhere."""
+
+    blocks: tuple[FreeBlock, ...]
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All free parameters, with the values that the fit begins with."""
+        return tuple(p for free in self.blocks for p in free.parameters)
+
+    @property
+    def limits(self) -> Limits:
+        """Bounds and priors of the parameters."""
+        return limits_of(self.parameters)
 
 
 def reach(parameters: Sequence[Parameter], value: Array) -> tuple[Array, Array]:

@@ -335,7 +335,7 @@ class Law(ABC):
         return []
 
 
-def no_limit(law: Law, theta: Array, x: Inputs, memory: Memory) -> Array:
+def no_limit(law: Law, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG001
     """The break-away level, zero, of laws that a joint at rest does not feel as a level."""
     return 0.0 * (theta[..., 0] + x.w)
 

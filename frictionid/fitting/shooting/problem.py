@@ -22,12 +22,10 @@ from frictionid.mechanics import Plant
 from ..parameter_block import (
     Estimate,
     FreeBlock,
-    Limits,
+    FreeParameters,
     Parameter,
     ParameterBlock,
-    all_parameters,
     free_blocks,
-    limits_of,
     values_of,
 )
 from .networks import CurveCombinations
@@ -66,7 +64,7 @@ Directions = tuple[tuple[tuple[int, ...], ...], tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
-class ShootingProblem:
+class ShootingProblem(FreeParameters):
     """What does not change while the free parameters are fitted to the intervals.
 
     directions : those of the free parameters or more, as machine code of others takes seconds
@@ -82,16 +80,6 @@ class ShootingProblem:
     def count(self) -> int:
         """Number of free parameters."""
         return self.blocks[-1].columns.stop if self.blocks else 0
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All free parameters, with the values that the fit begins with."""
-        return all_parameters(self.blocks)
-
-    @property
-    def limits(self) -> Limits:
-        """Bounds and priors of the parameters."""
-        return limits_of(self.parameters)
 
     def without_shapes(self, estimate: Estimate) -> "ShootingProblem":
         """The problem with what shapes levels of friction held: memory, peaks, loads, velocities.
@@ -170,14 +158,11 @@ class ShootingProblem:
         later = np.minimum(rows + 1, len(self.intervals.dt) - 1)
         return np.where(self.intervals.joined[later], later, rows)
 
-    def _entering(self, enters: str) -> list[Parameter]:
-        return _entering(self.blocks, enters)
-
     def _by_parameters(self, by: Array) -> Array:
         """Derivatives by the free parameters, from those in all directions, last axis."""
         theta, base = self.directions
-        columns = [[theta.index(at) for at in p.places] for p in self._entering("friction")]
-        columns += [[len(theta) + base.index(p.place[0])] for p in self._entering("base")]
+        columns = [[theta.index(at) for at in p.places] for p in _entering(self.blocks, "friction")]
+        columns += [[len(theta) + base.index(p.place[0])] for p in _entering(self.blocks, "base")]
         columns += [[k] for k in range(len(theta) + len(base), by.shape[-1])]
         flat = [k for several in columns for k in several]
         if len(columns) == len(flat):
@@ -272,7 +257,7 @@ class ShootingProblem:
 
     def _with_offsets(self, motor: MotorTorque, K: Array) -> MotorTorque:
         """The torque of intervals, with derivatives -K (k, n) by free offsets of angles."""
-        joints = [p.place[0] for p in self._entering("angle")]
+        joints = [p.place[0] for p in _entering(self.blocks, "angle")]
         if not joints:
             return motor
         S, _, k, n = motor.by.shape

@@ -66,10 +66,6 @@ class KnownCalibration:
             )
         return self.calibration
 
-    def as_priors(self, blocks: Sequence[ParameterBlock]) -> tuple[ParameterBlock, ...]:
-        """The blocks, with priors where the other fit determined their parameters."""
-        return tuple(replace(b, deviations=self.errors) if b.name in _BLOCKS else b for b in blocks)
-
 
 def known_calibration(friction: Friction, name: str) -> KnownCalibration:
     """Calibration of a fitted friction, its standard errors from the result of shooting.
@@ -179,7 +175,8 @@ def refine_folds(
     """
     blocks, starts = recipe.blocks, [friction[f] for f in range(len(training))]
     if recipe.held is not None:
-        blocks = recipe.held.as_priors(blocks)
+        errors = recipe.held.errors  # the priors of what the other fit determined
+        blocks = tuple(replace(b, deviations=errors) if b.name in _BLOCKS else b for b in blocks)
         held = recipe.held.on(intervals.dataset)
         starts = [replace(start, calibration=held) for start in starts]
         if not has_actuator(blocks):

@@ -191,7 +191,6 @@ def fit_blocks(
 def refined_by(stage: Stage, start: Friction) -> Fit:
     """The result of a fit that began with a friction, without what was dropped or held."""
     solution, estimate = stage.solution, stage.solution.estimate
-    fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     omitted, words = omitted_blocks(solution, [d.block for d in stage.dropped])
     smoothing, unsaid = smoothing_error(solution)
     shared = omitted + settings_error(solution) + smoothing + load_error(solution)
@@ -199,8 +198,10 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     words = *solution.stopped, *words, *unsaid
     limits = *words, *no_plateau(solution), *wanders(solution, covariance)
     diagnostics = _diagnostics(stage, (*limits, *sentences_of(stage.held)))
-    friction = stage.network or as_given(estimate.friction, start)
-    friction = replace(friction, calibration=estimate.calibration, parameters={})
+    friction, fitted = (
+        replace(each, calibration=estimate.calibration, parameters={})
+        for each in (stage.network or as_given(estimate.friction, start), estimate.friction)
+    )
     covariance = _with_held(covariance, stage)
     covariance = without_shared(covariance.each, estimate.friction.law)
     return Fit(friction, covariance, diagnostics, fitted)
@@ -271,8 +272,7 @@ OF_SERVOS: tuple[ParameterBlock, ...] = (
     InertiaBlock(),
     TargetDelayBlock(),
     BacklashBlock(),
-    BiasBlock(),
-    OffsetBlock(),
+    *OFFERED[2:],
 )
 NOT_FREE = "Not free, and would show"
 _CLEAR = 0.01  # p-value of a block that would show

@@ -95,12 +95,6 @@ def is_driven(dataset: Dataset) -> bool:
     return connected or bool(dataset.actuated.any())
 
 
-def targets_are_held(dataset: Dataset) -> bool:
-    """Whether servos alone drive, by targets that are held from one sample to the next."""
-    servos = dataset.servos
-    return bool(servos) and all(holds(s.goal) for s in servos) and not torque_is_sampled(dataset)
-
-
 def applicable(
     blocks: Sequence[ParameterBlock], dataset: Dataset, law: Law | None = None
 ) -> tuple[ParameterBlock, ...]:
@@ -111,7 +105,9 @@ def applicable(
     does, neither beside levels of each direction. Beside a network, which would take up what
     these show, only delays are offered.
     """
-    sampled, held = torque_is_sampled(dataset), targets_are_held(dataset)
+    sampled, servos = torque_is_sampled(dataset), dataset.servos
+    # servos alone drive, by targets that are held from one sample to the next
+    held = bool(servos) and all(holds(s.goal) for s in servos) and not sampled
     means = {"delay": sampled, "target_delay": held, "backlash": held, "bias": sampled or held}
     means["offset"] = not is_driven(dataset)
     if law is not None and any(name.endswith("_negative") for name in law.names):

@@ -159,7 +159,9 @@ def begun(stage: Stage) -> Stage:
     stage = _begun_roughly(stage, rough)
     stage = stage._replace(settings=replace(settings, windows=stage.settings.windows))
     if not explained(stage.solution):
-        stage = stage._replace(blocks=tuple(map(_not_held, stage.blocks)))
+        # intervals hold the errors of the model then, and say little of what the data tell
+        blocks = (replace(b, offered=False) if b.enters == "base" else b for b in stage.blocks)
+        stage = stage._replace(blocks=tuple(blocks))
     if none_held:
         return stage
     idle = _local_cost(stage).idle((), settings.significance)
@@ -240,15 +242,6 @@ def _falls(stage: Stage, estimate: Estimate, velocities: Array) -> Array:
     each = (2.0 * slope - step.curvature @ step.move) * step.move
     joints = np.array([p.place[0] if p.block == "friction" else -1 for p in problem.parameters])
     return np.array([each[joints == joints[k]].sum() for k in velocities])
-
-
-def _not_held(block: ParameterBlock) -> ParameterBlock:
-    """The block, its base parameters free even if their intervals are wide.
-
-    Where the motion is not explained intervals hold the errors of the model, and say little of what
-    the data tell.
-    """
-    return replace(block, offered=False) if block.enters == "base" else block
 
 
 def with_neutral(stage: Stage) -> Stage:

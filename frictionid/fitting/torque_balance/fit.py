@@ -146,7 +146,8 @@ def _best(
         solution = solve(_problem(problem, on_support(blocks, friction), estimate))
         estimate = solution.estimate
         ended.append((solution, friction.law))
-    return min(ended, key=lambda end: end[0].log_noise)
+    # of the least product of the joints' noise
+    return min(ended, key=lambda end: float(np.log(np.maximum(end[0].sigma, 1e-300)).sum()))
 
 
 def _problem(
@@ -192,8 +193,10 @@ def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance) -> Est
 def _result(solution: TorqueSolution, law: Law, dropped: tuple[Dropped, ...]) -> Fit:
     """The result of a fit by a law, without what was dropped or held."""
     estimate = solution.estimate
-    friction = replace(estimate.friction, law=law, parameters={}, constraints=None)
-    friction = replace(friction, calibration=estimate.calibration)
+    calibration = estimate.calibration
+    friction = replace(
+        estimate.friction, law=law, parameters={}, constraints=None, calibration=calibration
+    )
     return Fit(
         friction,
         _with_held(_local_cost(solution).covariance, solution),

@@ -24,12 +24,9 @@ from ..one_step.linearised import Linearised
 from ..parameter_block import (
     Estimate,
     FreeBlock,
-    Limits,
-    Parameter,
+    FreeParameters,
     ParameterBlock,
-    all_parameters,
     free_blocks,
-    limits_of,
     values_of,
     with_values,
 )
@@ -77,7 +74,7 @@ class TorqueSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueProblem:
+class TorqueProblem(FreeParameters):
     """What does not change while the free parameters are fitted to the torques.
 
     e = (gain u(t - delay) + bias - Y p - mean Tf) / gain    (K, n) [N m, as logged]
@@ -91,16 +88,6 @@ class TorqueProblem:
     estimate: Estimate  # with all that is not free
     settings: TorqueSettings
     recent: dict[bytes, Estimate] = field(default_factory=dict, init=False)  # asked for thrice
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All free parameters, with the values that the fit begins with."""
-        return all_parameters(self.blocks)
-
-    @property
-    def limits(self) -> Limits:
-        """Bounds and priors of the parameters."""
-        return limits_of(self.parameters)
 
     @property
     def x(self) -> Array:
@@ -219,11 +206,6 @@ class TorqueSolution(NamedTuple):
         """H (D, D) and descent g (D,) of some rows, in units of the noise."""
         weights = self.weight[rows] / self.sigma**2
         return normal_equations(self.slopes[rows], self.residual[rows], weights)
-
-    @property
-    def log_noise(self) -> float:
-        """Logarithm of the product of the joints' noise: the less, the better explained."""
-        return float(np.log(np.maximum(self.sigma, 1e-300)).sum())
 
 
 def solve(problem: TorqueProblem) -> TorqueSolution:

@@ -81,10 +81,7 @@ class TorchModule(LevelNetwork):
     shape: str = "tanh"
     left_out_of_files = ("module",)
     kind = ""
-
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        return (2, 1)
+    sizes: ClassVar = (2, 1)
 
     @property
     def weights(self) -> int:

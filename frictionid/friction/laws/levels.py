@@ -17,7 +17,6 @@ from frictionid.config import Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-
 Speeds = Annotated[tuple[Positive, ...], Field(min_length=2)]  # [rad/s], see `check_increasing`
 
 # a factor of 1.5 apart: the best of them lies in the valley of the best fit
