@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import MAD, Array
+from frictionid.arrays import MAD, Array, rms
 from frictionid.data.recordings import Recording
 from frictionid.data.state_estimators import resolutions
 
@@ -61,7 +61,7 @@ def joints_of(recordings: Sequence[Recording], motions: Sequence[Motion]) -> lis
         "at_rest": 1 - moving.mean(0),
         "forward": (moving & (w > 0)).sum(0) / np.maximum(moving.sum(0), 1),
         "reversals": np.sum([_reversals(m.states.w, threshold) for m in motions], axis=0),
-        "torque": np.sqrt((u**2).mean(0)),
+        "torque": rms(u, 0),
         "torque_top": np.abs(u).max(0),
         "angle_noise": np.median([m.angle_noise for m in motions], axis=0),
         "velocity_noise": np.median([m.velocity_noise for m in motions], axis=0),

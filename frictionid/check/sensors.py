@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rms
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, sample, usual_intervals
 from frictionid.data.state_estimators import States, resolution
@@ -144,7 +144,7 @@ def frozen_torques(measured: Measured) -> list[Frozen]:
     out = []
     for j in sorted({interval.joint for interval in intervals}):
         of_joint = [interval for interval in intervals if interval.joint == j]
-        level = float(np.sqrt(np.mean(torque[:, j] ** 2)))
+        level = float(rms(torque[:, j]))
         wrong = _contradicted(of_joint, rows, friction, level)
         out += [interval for interval, is_wrong in zip(of_joint, wrong, strict=True) if is_wrong]
     return out
@@ -336,7 +336,7 @@ def coarse_velocities(dataset: Dataset) -> Iterator[Finding]:
     """A finding for each joint whose velocity comes in steps of a good part of its size."""
     logged = [r.velocity.value for r in dataset.recordings if r.velocity is not None]
     for j, value in enumerate(np.concatenate(logged).T if logged else ()):
-        step, size = resolution(value), float(np.sqrt(np.mean(value**2)))
+        step, size = resolution(value), float(rms(value))
         if step > COARSE * size:
             words = {"unit": dataset.mechanism.position_units[j], "share": step / size}
             yield finding("coarse_velocity", {"step": step, "size": size}, words, j + 1)

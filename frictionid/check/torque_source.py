@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rms
 from frictionid.data.plants import LINK_TORQUE, LINK_TORQUE_REMEDY
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import BY_CONTROLLER
@@ -140,7 +140,7 @@ def _evidence(recording: Recording, j: int, share: float | None) -> Evidence | N
     """
     torque = recording.torque
     time, value = torque.time[:MOST], torque.value[:MOST, j]
-    level = float(np.sqrt(np.mean(value**2)))
+    level = float(rms(value))
     if level == 0.0 or len(value) < FEWEST:
         return None
     computed = _modelled(recording, time, value)
@@ -224,7 +224,7 @@ def _modelled(recording: Recording, time: Array, value: Array) -> Evidence | Non
 
 def _left(columns: Array, value: Array) -> float:
     """Share of a torque that least squares on some columns leave, in most samples."""
-    level = float(np.sqrt(np.mean(value**2)))
+    level = float(rms(value))
     columns, _ = unit_columns(columns)
     left = value - columns @ np.linalg.lstsq(columns, value, rcond=1e-10)[0]
     return float(np.quantile(np.abs(left), 0.8)) / level

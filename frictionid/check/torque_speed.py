@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr, stdtrit
 
-from frictionid.arrays import MAD, Array
+from frictionid.arrays import MAD, Array, usual_step
 from frictionid.data.envelope import Envelope, Estimated, Reached
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import seen_by_encoder
@@ -97,7 +97,7 @@ def _share(recording: Recording, states: States) -> Array | None:
     if servo is None or (motor := servo.torque_speed) is None:
         return None
     # targets that step about a sample, which no delay tells, have stepped
-    controller = servo.at(time + _ABOUT * np.median(np.diff(time)))
+    controller = servo.at(time + _ABOUT * usual_step(time))
     w = sample(Signal(states.time, states.w, "linear"), time)
     q = seen_by_encoder(servo, recording.angle).value
     u = controller.torque(q, w)
@@ -116,7 +116,7 @@ def _samples(dataset: Dataset, motion: Sequence[States], j: int) -> _Samples | N
         if recording.servo is not None or inside.sum() < _LENGTH or not u.any():
             continue
         clock, u = clock[inside], u[inside]
-        late = np.median(np.diff(clock)) / 2 if holds(recording.torque) else 0.0
+        late = usual_step(clock) / 2 if holds(recording.torque) else 0.0
         speed = np.interp(clock + late, states.time, states.w[:, j])
         torque.append(np.abs(u))
         w.append(np.where(u < 0, -speed, speed))

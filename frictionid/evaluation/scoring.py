@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rms
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.fitting.one_step.residual import Problem
@@ -69,7 +69,7 @@ def one_step_scores(
     for errors, part in parts_of(residual, fold, Score("all", score), units, sizes):
         statistics = {
             "mean": np.mean(errors),
-            "rms": np.sqrt(np.mean(errors**2)),
+            "rms": rms(errors),
             "median": np.median(errors),
             "q90": np.quantile(errors, 0.9),
         }

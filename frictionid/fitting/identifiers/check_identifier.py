@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, times
+from frictionid.arrays import Array, rms, times
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
@@ -222,7 +222,7 @@ class _Check(NamedTuple):
         return along(friction, self.problem.nodes)
 
     def equal(self, actual: Array, expected: Array, rule: str) -> None:
-        size = float(np.sqrt(np.mean(expected**2)))
+        size = float(rms(expected))
         off = float(np.abs(actual - expected).max()) / max(size, 1e-12)
         self.require(
             off <= self.tolerance, f"{rule}, but torques differ by {off:.1g} of their size"

@@ -117,7 +117,9 @@ class SINDy(Identifier):
         for f, fold in enumerate(self._folds(problem, weights)):
             if self.ensemble:
                 share = self._inclusion(fold, seed, self.ensemble)
-                active = _included(share, fold)
+                # columns of families that at least half of the draws have
+                often = np.where(fold.constraints.conflict @ share >= _HALF, share, 0.0)
+                active = admissible(often, fold.G.sum(0), fold.constraints)
             else:
                 active = self._active_set(fold)
             if active:
@@ -203,12 +205,6 @@ class _Fold(NamedTuple):
     G: Array
     scale: Array
     constraints: Constraints
-
-
-def _included(share: Array, fold: _Fold) -> tuple[int, ...]:
-    """Active set of an ensemble: columns of families that at least half of the draws have."""
-    family = fold.constraints.conflict @ share
-    return admissible(np.where(family >= _HALF, share, 0.0), fold.G.sum(0), fold.constraints)
 
 
 _NO_MONOMIAL = 1e-9  # of the longest column

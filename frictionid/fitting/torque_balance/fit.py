@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.arrays import Array, stretches
+from frictionid.arrays import Array, rms, stretches
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.law_derivatives import reads_of
@@ -386,15 +386,14 @@ def _warnings(solution: TorqueSolution) -> list[str]:
     gain = logged_gain(estimate)
     counts = solution.weight[:, : len(gain)] > 0
     left = solution.residual[:, : len(gain)] * gain
-    rms = [np.sqrt(np.mean(left[c, j] ** 2)) for j, c in enumerate(counts.T)]
     friction = balance.problem.mean(along(estimate.friction, balance.nodes))
     friction = friction @ estimate.mechanism.friction_map
     out = []
     for j, c in enumerate(counts.T):
-        size = float(np.sqrt(np.mean(friction[c, j] ** 2)))
-        if rms[j] > _UNEXPLAINED * size:
+        size, rest = rms(friction[c, j]), rms(left[c, j])
+        if rest > _UNEXPLAINED * size:
             out.append(
-                f"Torque {j + 1} keeps {rms[j]:.2g} unexplained, beside {size:.2g} of friction: "
+                f"Torque {j + 1} keeps {rest:.2g} unexplained, beside {size:.2g} of friction: "
                 "what is fitted does not explain the motion."
             )
     return out

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, usual_step
+from frictionid.arrays import Array, rms, usual_step
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.plants import on_recorded_base, plant_of
@@ -130,7 +130,7 @@ class TorqueBalance:
         G, r, n = np.array(problem.G), np.array(problem.r), self.slides.shape[1]
         G[:, :n] *= self.slides[:, :, None]
         if are_mixed(self.dataset.mechanism.position_units):
-            usual = np.sqrt((r[:, :n] ** 2).mean(axis=0))
+            usual = rms(r[:, :n], axis=0)
             usual = np.where(usual > 0, usual, 1.0)
             r[:, :n], G[:, :n] = r[:, :n] / usual, G[:, :n] / usual[:, None]
         return replace(problem, r=r, G=G, masked=True)

@@ -80,6 +80,16 @@ def _scratch(tree: Any, kind: Any) -> Any:
 
 
 @inlined
+def _place(tree: Any, k: int, p: Any, q: Any, room: Any) -> None:
+    """Write base, pi, rotors, R, o, S and inertia of sample k; parameters may be those of all."""
+    base, pi, rotor, R, o, S, bodies, _, _, _, _ = room
+    if k == 0 or len(p) > 1:
+        _expand(tree, p[k], pi, rotor, base)
+    placements(tree, q[k], R, o, S)
+    world_inertias(pi, R, o, bodies)
+
+
+@inlined
 def _copy(source: Any, target: Any) -> None:
     """Set a matrix; as a slice that takes a second to compile, for the words of its error."""
     for i in range(source.shape[0]):
@@ -90,12 +100,10 @@ def _copy(source: Any, target: Any) -> None:
 @compiled
 def inertia(tree: Geometry, p: Array, q: Array, M: Array) -> None:
     """Mass matrices M (K, n, n)."""
-    base, pi, rotor, R, o, S, bodies, _, _, _, _ = _scratch(tree, q.dtype)
+    room = _scratch(tree, q.dtype)
+    _, _, rotor, _, _, S, bodies, _, _, _, _ = room
     for k in range(len(q)):
-        if k == 0 or len(p) > 1:
-            _expand(tree, p[k], pi, rotor, base)
-        placements(tree, q[k], R, o, S)
-        world_inertias(pi, R, o, bodies)
+        _place(tree, k, p, q, room)
         add_to_parents(tree.parent, bodies, 10)
         _copy(rotor, M[k])
         add_mass_matrix(tree.parent, S, bodies, M[k])
@@ -104,13 +112,11 @@ def inertia(tree: Geometry, p: Array, q: Array, M: Array) -> None:
 @compiled
 def dynamics(tree: Geometry, p: Array, q: Array, w: Array, M: Array, h: Array) -> None:
     """Mass matrices M (K, n, n) and h (K, n)."""
-    base, pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree, q.dtype)
+    room = _scratch(tree, q.dtype)
+    base, _, rotor, _, o, S, bodies, v, dS, a, force = room
     rate = np.zeros(q.shape[1])
     for k in range(len(q)):
-        if k == 0 or len(p) > 1:
-            _expand(tree, p[k], pi, rotor, base)
-        placements(tree, q[k], R, o, S)
-        world_inertias(pi, R, o, bodies)
+        _place(tree, k, p, q, room)
         motion(tree, base, S, w[k], rate, v, dS, a)
         torques(tree.parent, S, v, a, bodies, force, h[k])
         for i in range(len(rate)):
@@ -136,13 +142,11 @@ def terms(
 
     turned (K, n) : momenta as the base turns them all
     """
-    base, pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree, q.dtype)
+    room = _scratch(tree, q.dtype)
+    base, _, rotor, _, o, S, bodies, v, dS, a, force = room
     carried, rate = np.empty_like(bodies), np.zeros(q.shape[1])
     for k in range(len(q)):
-        if k == 0 or len(p) > 1:
-            _expand(tree, p[k], pi, rotor, base)
-        placements(tree, q[k], R, o, S)
-        world_inertias(pi, R, o, bodies)
+        _place(tree, k, p, q, room)
         motion(tree, base, S, w[k], rate, v, dS, a)
         torques(tree.parent, S, v, a, bodies, force, h[k])
         _copy(bodies, carried)
@@ -161,13 +165,11 @@ def derivatives(
     tree: Geometry, p: Array, q: Array, w: Array, rate: Array, by_q: Array, by_w: Array
 ) -> None:
     """Derivatives of M dw/dt - h by q and w (K, n, n)."""
-    base, pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree, q.dtype)
+    room = _scratch(tree, q.dtype)
+    base, _, rotor, _, o, S, bodies, v, dS, a, force = room
     B, twice, out = np.empty((len(o), 12), q.dtype), np.empty_like(S), np.empty_like(q[0])
     for k in range(len(q)):
-        if k == 0 or len(p) > 1:
-            _expand(tree, p[k], pi, rotor, base)
-        placements(tree, q[k], R, o, S)
-        world_inertias(pi, R, o, bodies)
+        _place(tree, k, p, q, room)
         motion(tree, base, S, w[k], rate[k], v, dS, a)
         torques(tree.parent, S, v, a, bodies, force, out)
         prepare(tree, base, S, v, dS, a, bodies, B, twice)
