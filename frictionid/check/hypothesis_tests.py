@@ -239,8 +239,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
         rows = untested(corrected).rows
     rotors = missing_rotors(corrected, rows)
     if rotors is not None:
-        plant = replace(corrected.plant, p=corrected.nominal + rotors[0])
-        corrected = replace(corrected, plant=plant)
+        corrected = corrected.with_base(rotors[0])
     if rotors is not None or fitting:
         delay = delay_of(rows, corrected.torque, corrected.nominal)
     longer = _longer_rows(corrected, rows)

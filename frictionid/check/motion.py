@@ -197,6 +197,10 @@ class Measured:
         motions = tuple(self.motions[i] for i in kept)
         return replace(self, plant=self.plant[kept], motions=motions).with_torques_of(part)
 
+    def with_base(self, change: Array) -> Measured:
+        """The data under other nominal base parameters, each larger by a change (nb,)."""
+        return replace(self, plant=replace(self.plant, p=self.nominal + change))
+
     def mapped(self, angle: Array, torque: Array, offset: Array | float = 0.0) -> Measured:
         """The data after linear maps (n, n) of angles, with an offset, and of torques."""
         motions = tuple(mapped_motion(motion, angle, offset) for motion in self.motions)

@@ -118,27 +118,23 @@ def slopes(
         least = least_sliding_speed(friction.law)
         return x._replace(w=sliding_velocity(x.w, stiction.direction, least))
 
-    x, each = sliding(state.q, state.w, u), of_parts(state.w, now.turns)
-    w, moves = x.w, (x.w == each)[..., None]
-    here, K = law.torque(theta, x, memory), len(w)
-    if law.uses_load:
-        at = (state.q, state.w, u)
-        by_q, by_w, by_u = _through_load(lambda *v: law.torque(theta, sliding(*v), memory), at)
-    else:
-        eye, A, last = (
-            np.eye(w.shape[-1]),
-            plant.mechanism.friction_map,
-            torque_map(plant.mechanism),
-        )
+    def torque(x: Inputs) -> Array:
+        return law.torque(theta, x, memory)
 
-        def torque(x: Inputs) -> Array:
-            return law.torque(theta, x, memory)
+    at = (state.q, state.w, u)
+    x, each = sliding(*at), of_parts(state.w, now.turns)
+    w, moves = x.w, (x.w == each)[..., None]
+    here, K = torque(x), len(w)
+    if law.uses_load:
+        by_q, by_w, by_u = _through_load(lambda *v: torque(sliding(*v)), at)
+    else:
+        eye, A = np.eye(w.shape[-1]), plant.mechanism.friction_map
 
         def diagonal(name: str) -> Array:
             return by_input(torque, x, name)[..., None] * eye
 
         by_q = diagonal("q") @ A if reads.q else np.zeros((K, *A.shape))
-        by_u = diagonal("u") @ last if reads.u else np.zeros((K, *A.shape))
+        by_u = diagonal("u") @ torque_map(plant.mechanism) if reads.u else np.zeros((K, *A.shape))
         if reads.others:
             columns = [by_input(torque, x, "w", joint) for joint in eye]
             by_w = np.stack(columns, axis=-1) * moves @ A
@@ -149,13 +145,10 @@ def slopes(
             by_w = by_w - by_u * plant.feedback[..., 1, None, :]
     gradient, of_memory = _own_slopes(law, theta, x, memory, len(free.place) > 0)
     if is_coupled_by_load(plant.mechanism, law):
-        at = (state.q, state.w, u)
         of_theta = free.combined(
             _by_theta_of_all(theta, free, lambda t: law.torque(t, sliding(*at, t), memory), here)
         )
-        of_base = _by_base(
-            plant, base, lambda other: law.torque(theta, sliding(*at, plant=other), memory)
-        )
+        of_base = _by_base(plant, base, lambda other: torque(sliding(*at, plant=other)))
     else:
         of_base = np.zeros((*here.shape, len(base)))
         each = by_theta(theta, free, lambda t: law.torque(t, x, memory), gradient, 0.0 * x.w)

@@ -328,9 +328,8 @@ def _stepped(law: Law, theta: Array, nodes: Nodes) -> list[Memory]:
 def _relaxing(friction: Friction, nodes: Nodes) -> Array | None:
     """Memory (..., S, n) of a law that relaxes continuously; None of others, and of tensors."""
     law, theta, x = friction.law, friction.theta[..., None, :, :], nodes.inputs
-    if law.sample_time is not None or not isinstance(0.0 * theta[..., 0], np.ndarray):
-        return None
-    if not isinstance(x.w, np.ndarray):
+    arrays = isinstance(0.0 * theta[..., 0], np.ndarray) and isinstance(x.w, np.ndarray)
+    if law.sample_time is not None or not arrays:
         return None
     middle = _between(x, nodes.newest)
     dt = np.diff(nodes.time)[:, None]

@@ -276,10 +276,7 @@ class Law(ABC):
         return None
 
     def while_held(self, theta: Array, memory: Memory) -> tuple[Law, Array] | None:
-        """A law without memory, and its theta, for `held`; None where the law knows no faster one.
-
-        Its torque and break-away level are those of this law with that memory.
-        """
+        """A faster law without memory, and its theta, as this one is with that memory; or None."""
         return None
 
     def gradient(self, theta: Array, x: Inputs) -> Any:
@@ -335,11 +332,6 @@ class Law(ABC):
         return []
 
 
-def no_limit(law: Law, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG001
-    """The break-away level, zero, of laws that a joint at rest does not feel as a level."""
-    return 0.0 * (theta[..., 0] + x.w)
-
-
 def smooth_sign(w: Array, width: float, shape: str = "tanh") -> Array:
     """sgn(w) smoothed over `width`: tanh(w/width), or (2/pi) arctan(w/width).
 
@@ -373,7 +365,6 @@ def check_temperature(law: Law, temperature: Array | float | None, *, fitted: bo
     """Refuse recorded motion without a temperature in degC, for a law that depends on it.
 
     fitted : whether the law is fitted to it, so that it must change
-
     """
     if not law.uses_temperature:
         return

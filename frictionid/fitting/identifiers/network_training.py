@@ -172,19 +172,15 @@ class Adam:
         """
         self.theta.grad = None
         costs.sum().backward()
-        gradient = _clipped(self.theta.grad * self.learned)
+        gradient = self.theta.grad * self.learned
+        length = (gradient**2).sum((1, 2), keepdim=True).sqrt()  # of each fold together
+        gradient = gradient * (_LONGEST / length.clamp(min=_LONGEST))
         self.count += 1
         self.mean.mul_(_FIRST).add_(gradient, alpha=1.0 - _FIRST)
         self.square.mul_(_SECOND).addcmul_(gradient, gradient, value=1.0 - _SECOND)
         size = (self.square / (1.0 - _SECOND**self.count)).sqrt_().add_(_SMALL)
         self.theta.detach().addcdiv_(self.mean, size, value=-rate / (1.0 - _FIRST**self.count))
         return costs.detach()
-
-
-def _clipped(gradient: Any) -> Any:
-    """Gradients (F, n, P), those of each fold together no longer than a limit."""
-    size = (gradient**2).sum((1, 2), keepdim=True).sqrt()
-    return gradient * (_LONGEST / size.clamp(min=_LONGEST))
 
 
 _DEFAULT = {"darwin": "clang++", "win32": "cl"}  # what PyTorch calls where CXX names no other

@@ -52,6 +52,11 @@ def stem(name: str) -> str:
     return name.removesuffix(SIDES[0]).removesuffix(SIDES[1])
 
 
+def no_limit(law: Law, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG001
+    """The break-away level, zero, of laws that a joint at rest does not feel as a level."""
+    return 0.0 * (theta[..., 0] + x.w)
+
+
 class Level(NamedTuple):
     """Level coulomb + peak exp(-(s/stribeck_velocity)^2) [N m] at a speed s.
 

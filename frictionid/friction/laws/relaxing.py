@@ -26,8 +26,7 @@ from dataclasses import dataclass
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from ..law import no_limit
-from .levels import COARSE_VELOCITIES, COULOMB, LOSS, VISCOUS, Level, stribeck_factor
+from .levels import COARSE_VELOCITIES, COULOMB, LOSS, VISCOUS, Level, no_limit, stribeck_factor
 
 PRESLIDING = LawParameter("presliding", "rad", 1e-5, 1.0, (0.002, 0.006, 0.02, 0.06), size=0.03)
 # what is faster than a millisecond is no memory

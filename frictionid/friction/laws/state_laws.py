@@ -19,8 +19,9 @@ from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from ..law import no_limit, smooth_sign
+from ..law import smooth_sign
 from .layers import Hidden, outputs
+from .levels import no_limit
 from .library import written_sums
 from .network_law import Features, NetworkLaw
 
