@@ -15,7 +15,7 @@ def bench(monkeypatch):
     from importlib import import_module
     from types import SimpleNamespace
 
-    monkeypatch.syspath_prepend(str(ROOT / "comparisons" / "bench"))
+    monkeypatch.syspath_prepend(str(ROOT / "comparisons/bench"))
     monkeypatch.setattr(sys, "path", list(sys.path))  # samples adds folders of peers
     names = ("samples", "case", "measure", "results", "picture", "physics", "states")
     for name in names:

@@ -23,7 +23,7 @@ THETA = np.array([[0.16, 0.004], [0.05, 0.001]])
 
 @pytest.fixture(scope="module")
 def acrobot():
-    return load_dataset(ROOT / "data" / "acrobot_clean")
+    return load_dataset(ROOT / "data/acrobot_clean")
 
 
 @pytest.fixture(scope="module")

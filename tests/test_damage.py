@@ -9,7 +9,7 @@ from fixtures.paths import ROOT
 
 from frictionid.data.readers.formats import READERS
 
-DAMAGE = [sys.executable, ROOT / "tests" / "damage.py", "--jobs", "1", "--first", "123456"]
+DAMAGE = [sys.executable, ROOT / "tests/damage.py", "--jobs", "1", "--first", "123456"]
 
 
 def test_damaged_inputs_end_in_one_line_and_lose_nothing(tmp_path):

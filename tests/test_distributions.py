@@ -73,7 +73,7 @@ def test_the_default_comparison_runs_from_a_wheel_in_any_folder(tmp_path):
     site, elsewhere = tmp_path / "site", tmp_path / "elsewhere"
     with zipfile.ZipFile(_built("wheel", tmp_path / "dist")) as wheel:
         wheel.extractall(site)
-    share = site / "frictionid" / "share"
+    share = site / "frictionid/share"
     for kind, pattern in (("comparisons", "*.toml"), ("data", "**/*")):
         here = {p.relative_to(ROOT) for p in (ROOT / kind).glob(pattern) if p.is_file()}
         there = {p.relative_to(share) for p in (share / kind).rglob("*") if p.is_file()}

@@ -77,7 +77,7 @@ def test_without_extras_laws_are_fitted_and_compared_and_what_is_missing_is_name
     run = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     first, *lines = run.stdout.splitlines()
     assert run.stderr == "" and first.split()[1] in ("good", "doubtful")
-    assert (tmp_path / "out" / "index.html").stat().st_size > 10_000
+    assert (tmp_path / "out/index.html").stat().st_size > 10_000
     for extra, line in zip(ASKED, lines, strict=True):
         assert line.endswith(f"is not installed: pip install 'frictionid[{extra}]'")
 

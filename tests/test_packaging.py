@@ -94,7 +94,7 @@ def _checkout(folder, interpreters):
     """Write what make needs of a checkout, and a bin folder with these interpreters."""
     for name in ("Makefile", "pyproject.toml", "constraints.txt"):
         shutil.copy(ROOT / name, folder)
-    _script(folder / "bin" / "cat", f'#!/bin/sh\nexec {shutil.which("cat")} "$@"\n')
+    _script(folder / "bin/cat", f'#!/bin/sh\nexec {shutil.which("cat")} "$@"\n')
     for name, text in interpreters.items():
         _script(folder / "bin" / name, text)
 
@@ -178,7 +178,7 @@ ENVIRONMENTS = {
 )
 def test_make_redoes_only_what_must_be_redone(files, created, installed, tmp_path):
     _checkout(tmp_path, {"python3": GOOD})
-    _script(tmp_path / ".venv" / "bin" / "python", GOOD)
+    _script(tmp_path / ".venv/bin/python", GOOD)
     for name, text in files.items():
         (tmp_path / ".venv" / name).write_text(text.replace("HERE", str(tmp_path.resolve())))
     done = _make(tmp_path, "--dry-run", "compare")
@@ -190,8 +190,8 @@ def test_make_redoes_only_what_must_be_redone(files, created, installed, tmp_pat
 @pytest.mark.parametrize("changed", ["pyproject.toml", "constraints.txt"])
 def test_make_installs_again_when_the_requirements_change(changed, tmp_path):
     _checkout(tmp_path, {"python3": GOOD})
-    _script(tmp_path / ".venv" / "bin" / "python", GOOD)
-    stamp = tmp_path / ".venv" / "frictionid.core"
+    _script(tmp_path / ".venv/bin/python", GOOD)
+    stamp = tmp_path / ".venv/frictionid.core"
     stamp.touch()
     later = stamp.stat().st_mtime + 10
     os.utime(tmp_path / changed, (later, later))
@@ -207,16 +207,16 @@ exit 0
 @pytest.mark.parametrize("status", [0, 1])
 def test_make_keeps_what_pip_says_for_when_it_fails(tmp_path, status):
     _checkout(tmp_path, {"python3": GOOD})
-    _script(tmp_path / ".venv" / "bin" / "python", PIP.replace("STATUS", str(status)))
+    _script(tmp_path / ".venv/bin/python", PIP.replace("STATUS", str(status)))
     for tool in ("sh", "touch", "rm", "tail", "sleep", "pwd"):
         (tmp_path / "bin" / tool).symlink_to(shutil.which(tool) or tool)
-    _script(tmp_path / ".venv" / "bin" / "frictionid", "#!/bin/sh\necho compared\n")
+    _script(tmp_path / ".venv/bin/frictionid", "#!/bin/sh\necho compared\n")
     done = _make(tmp_path, "compare")
     assert "Collecting" not in done.stdout
-    assert (tmp_path / ".venv" / "pip.log").read_text().endswith("Installing all\n")
+    assert (tmp_path / ".venv/pip.log").read_text().endswith("Installing all\n")
     assert (done.returncode == 0) is (status == 0) is done.stdout.endswith("compared\n")
     assert ("Installing all" in done.stderr) is (status == 1)
-    assert (tmp_path / ".venv" / "installing").exists() is (status == 1)
+    assert (tmp_path / ".venv/installing").exists() is (status == 1)
 
 
 # --- What git keeps ---------------------------------------------------------------------------
@@ -279,7 +279,7 @@ def test_required_recordings_may_not_be_skipped(
 ):
     monkeypatch.setenv("FRICTIONID_DATA", str(pytester.path / "nowhere"))
     monkeypatch.setenv("FRICTIONID_REQUIRE_REAL", required)
-    pytester.makeconftest((ROOT / "tests" / "conftest.py").read_text())
+    pytester.makeconftest((ROOT / "tests/conftest.py").read_text())
     pytester.makeini("[pytest]\nmarkers = real\n")
     pytester.makepyfile(SKIPPED)
     result = pytester.runpytest_subprocess("-p", "no:cacheprovider")

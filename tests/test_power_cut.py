@@ -36,7 +36,7 @@ def comparison(tmp_path_factory):
     write_dataset(place / "mine", changes=FEW)
     compare_into(file, out)
     old = scores(out)
-    table = place / "mine" / "dataset.toml"
+    table = place / "mine/dataset.toml"
     table.write_text(table.read_text().replace("mass = 0.2", "mass = 0.21"))
     with pytest.MonkeyPatch.context() as patch:
         disk = Recorder(out, patch)

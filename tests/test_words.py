@@ -119,7 +119,7 @@ def test_no_retired_word_is_left():
     assert [line for path in sorted(PACKAGE.rglob("*.py")) for line in retired(path)] == []
 
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "data" / "README.md"]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "data/README.md"]
 TEMPLATES = sorted(PACKAGE.rglob("*.j2"))
 
 

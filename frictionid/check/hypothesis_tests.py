@@ -238,7 +238,10 @@ def run_tests(measured: Measured) -> HypothesisTests:
         corrected = measured.mapped(best.angle, best.torque, best.offset)
         rows = untested(corrected).rows
     rotors = missing_rotors(corrected, rows)
-    if rotors is not None:
+    if rotors is not None:  # and anew at the delay that shows beside them
+        turning = corrected.with_base(rotors[0])
+        delay = delay_of(rows, turning.torque, turning.nominal)
+        rotors = missing_rotors(corrected, rows, delay.seconds if delay else 0.0) or rotors
         corrected = corrected.with_base(rotors[0])
     if rotors is not None or fitting:
         delay = delay_of(rows, corrected.torque, corrected.nominal)

@@ -177,17 +177,19 @@ def _rotors(plant: Plant) -> dict[str, Array]:
     return base_by_rotors(plant.mechanism, parameters)
 
 
-def missing_rotors(measured: Measured, rows: Rows) -> tuple[Array, Finding] | None:
+def missing_rotors(
+    measured: Measured, rows: Rows, late: float = 0.0
+) -> tuple[Array, Finding] | None:
     """Change (nb,) of base parameters by rotors that nobody has given, and what to give; or None.
 
     Where they explain much of the balance; that is no fault of the mechanism.
 
     All of an arm at once, none negative: one of them alone may look like a wrong gain or mass. A
-    machine's only rotor is one of the `model_errors`.
+    machine's only rotor is one of the `model_errors`. The torque is `late` [s].
     """
     plant, nominal = measured.plant, measured.nominal
     rotors = {n: x for n, x in _rotors(plant).items() if not plant.parameters[n].any()}
-    torque = rows.means(measured.torque)
+    torque = rows.means(measured.torque, late)
     if len(rotors) < 2 or not torque.any():
         return None
     changes = np.stack(list(rotors.values()))

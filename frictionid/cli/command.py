@@ -169,7 +169,7 @@ def _results(folder: Path | None) -> Path | None:
         return None
     if folder.is_dir() and not [*folder.glob("provenance.json"), *folder.glob("unfinished")]:
         raise InputError(f"{folder} holds no comparison; name a folder that compare wrote")
-    if not (folder / "unfinished" / "provenance.json").exists():  # that was interrupted
+    if not (folder / "unfinished/provenance.json").exists():  # that was interrupted
         present(folder / "provenance.json")
     return folder
 

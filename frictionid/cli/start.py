@@ -87,7 +87,6 @@ def _again(
     paths: list[Path], described: Described, options: dict[str, str], sets: list[str]
 ) -> str:
     """The call that gives constants of motors which are missing, joint by joint; or ""."""
-    import json
     import shlex
 
     import numpy as np
@@ -99,7 +98,7 @@ def _again(
             each, missing = [f"{key}_{joint}" for joint in draft.machine.joints], True
         options[key] = ",".join(each)
     if "locked" in draft.mechanism:
-        sets = [*sets, f"joints={json.dumps(draft.machine.joints)}"]  # the last one counts
+        sets = [*sets, f"joints={list(draft.machine.joints)}"]  # the last one counts
     words = [f"--{key}={text}" for key, text in options.items() if text]
     words += [f"--set={text}" for text in sets]
     said = shlex.join(["init", *map(str, paths), *words, "--replace"])

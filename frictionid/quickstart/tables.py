@@ -64,7 +64,7 @@ def _table(file: Path) -> Table:
 
 def _tables_in(folder: Path) -> list[Path]:
     files = sorted(file for file in folder.iterdir() if is_table(file))
-    if not files and (folder / "meta" / "info.json").is_file():
+    if not files and (folder / "meta/info.json").is_file():
         raise InputError(
             f"{folder} is a LeRobot data set: name its data/*/*.parquet, or write a dataset.toml "
             'with [reader] kind = "lerobot", as in data/README.md of frictionid'

@@ -10,7 +10,7 @@ from frictionid.check.findings import LEVELS, finding, table
 
 CODES = {
     node.value
-    for path in (ROOT / "frictionid" / "check").glob("*.py")
+    for path in (ROOT / "frictionid/check").glob("*.py")
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
     if isinstance(node, ast.Constant) and isinstance(node.value, str)
 }

@@ -279,6 +279,17 @@ def test_rotors_that_are_not_given_are_no_misfit_of_the_mechanism(arm, table):
     assert re.search(r"before to .* after|cannot tell", delay.reason)
 
 
+def test_rotors_that_are_not_given_are_those_at_the_delay_of_the_torque(arm, table):
+    bare = arm.with_values(dict.fromkeys(wrist.PARAMETERS, 0.0))
+    time, early = table["t"], table.copy()
+    for name in wrist.COLUMNS[1]:
+        early[name] = np.interp(time - 0.02, time, table[name])
+    delay, rotors = judged(bare, early).findings
+    assert delay.numbers["delay"] == pytest.approx(-0.02, abs=5e-4)
+    asked = re.findall(r"rotor_\w+ = ([\d.]+)", rotors.text)
+    np.testing.assert_allclose([*map(float, asked)], [*wrist.PARAMETERS.values()], rtol=0.03)
+
+
 def test_torques_that_explain_nothing_have_no_gain(arm, table):
     """A gain of nothing is not known, however small its error."""
     other = table.copy()

@@ -51,7 +51,7 @@ class Strays(TorchFunctionMode):
 
 
 def acrobot():
-    plant = plant_of(load_dataset(ROOT / "data" / "acrobot_clean"))[0]
+    plant = plant_of(load_dataset(ROOT / "data/acrobot_clean"))[0]
     return Plant(plant.mechanism, {}, torch.as_tensor(plant.p))
 
 

@@ -89,7 +89,7 @@ def test_a_suite_of_an_arm_that_says_nothing_else_runs(tmp_path, monkeypatch):
     (tmp_path / "suite.toml").write_text(SUITE)
     bench = fid.run_suite(tmp_path / "suite.toml", out=tmp_path / "report", jobs=1)
     assert set(bench.scores["horizon_s"].dropna()) == {0.05, 0.1}
-    assert (tmp_path / "report" / "tables" / "torque--arm.md").is_file()
+    assert (tmp_path / "report/tables/torque--arm.md").is_file()
     left = bench.scores.query("score == 'torque_left' and joint == 'all' and fold == 'all'")
     assert (left["value"] < 0.03).all()
 

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from fixtures.bam_formula import bam_friction
+from fixtures.shared import shared
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.plants import plant_of
@@ -38,19 +39,19 @@ PUBLISHED = {
 }
 
 
-@pytest.fixture(scope="module")
+@shared
 def logs(request, real_data):
-    path = request.config.rootpath / "data" / "bam_xl330_whole"
+    path = request.config.rootpath / "data/bam_xl330_whole"
     return load_dataset(path, real_data / "bam_xl330")
 
 
-@pytest.fixture(scope="module")
+@shared
 def models(request):
-    folder = request.config.rootpath / "data" / "bam_xl330"
+    folder = request.config.rootpath / "data/bam_xl330"
     return {name: load_model(folder / f"{name}.json") for name in MODELS}
 
 
-@pytest.fixture(scope="module")
+@shared
 def runs(logs, models):
     """Angles of each published model's free runs, and their trajectory."""
     found = {}
@@ -77,7 +78,7 @@ def mean(q, trajectory, fold):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_models_have_the_published_numbers(name, models, real_data, logs):
-    file = real_data / "bam_xl330" / "published_parameters" / f"{name}.json"
+    file = real_data / "bam_xl330/published_parameters" / f"{name}.json"
     published, friction = json.loads(file.read_text()), models[name]
     assert_array_equal(friction.theta[0], [published[key] for key in PUBLISHED[name]])
     own = {key: friction.parameters[key] for key in ("kt", "R", "rotor")}
@@ -119,7 +120,7 @@ def as_published(published, log):
 @pytest.mark.parametrize("name", MODELS)
 def test_free_runs_err_as_by_the_published_scheme(name, runs, real_data, logs):
     """Two simulators, one answer: ours holds joints at rest, theirs clips the stopping torque."""
-    file = real_data / "bam_xl330" / "published_parameters" / f"{name}.json"
+    file = real_data / "bam_xl330/published_parameters" / f"{name}.json"
     published = json.loads(file.read_text())
     own = errors(*runs[name])
     theirs = np.array([as_published(published, r) for r in logs.recordings])

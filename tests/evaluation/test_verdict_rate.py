@@ -10,7 +10,7 @@ from verdict_rate import DIFFERENT, EQUAL, EQUIVALENT
 
 SETS, STATED = 400, 0.05  # share of wrong verdicts that the page states
 SIDES = [(EQUAL, "rich"), (EQUIVALENT, "rich"), (DIFFERENT, "simple")]
-PAGE = (ROOT / "docs" / "verdict.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/verdict.md").read_text(encoding="utf-8")
 EDGE = PAGE.partition("just the region")[2].partition("\n\n")[0]
 
 

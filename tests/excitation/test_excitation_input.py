@@ -91,7 +91,7 @@ def test_the_command_writes_one_table_for_each_recording(tmp_path, suggest):
     assert code == 0
     names = sorted(path.name for path in (tmp_path / "new").iterdir())
     assert names == ["torque.png", "torque_1.csv", "torque_2.csv"]
-    assert (tmp_path / "new" / "torque_1.csv").read_text().startswith("time,u1\n0,")
+    assert (tmp_path / "new/torque_1.csv").read_text().startswith("time,u1\n0,")
     assert re.search(r"torque .* 0\.3  N m", text) and re.search(r"velocity .* 20  rad/s", text)
     assert "joint 1 viscous" in text and "N m / (rad/s)" in text
 

@@ -87,8 +87,8 @@ def test_friction_comes_back_from_its_file_bit_by_bit(law, batch, tmp_path):
     shape = (*batch, 2, len(law.names))
     theta = np.random.default_rng(0).uniform(0.3, 1.0, shape) / 3
     friction = Friction(law, theta, {"m1": 1 / 3}, {"by": "a test"})
-    save_model(friction, tmp_path / "deep" / "model.json")
-    again = load_model(tmp_path / "deep" / "model.json")
+    save_model(friction, tmp_path / "deep/model.json")
+    again = load_model(tmp_path / "deep/model.json")
     assert again.law == law and hash(again.law) == hash(law)
     assert again.theta.shape == shape
     assert_array_equal(again.theta, theta)

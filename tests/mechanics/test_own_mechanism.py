@@ -36,10 +36,10 @@ def recorded():
 
 
 def test_the_example_is_short_and_stands_in_the_docs():
-    text = (ROOT / "comparisons" / "own_mechanism.py").read_text()
+    text = (ROOT / "comparisons/own_mechanism.py").read_text()
     assert len(text.splitlines()) < 40
     code = text.split('"""', 2)[2].strip()
-    assert code in (ROOT / "docs" / "mechanisms.md").read_text()
+    assert code in (ROOT / "docs/mechanisms.md").read_text()
 
 
 def test_units_are_those_of_each_joint_and_base_parameter():
@@ -70,12 +70,12 @@ def test_one_step_fits_and_shooting_find_the_friction_of_both_joints(recorded):
 
 def test_a_data_set_and_the_module_beside_it_are_read_with_trust(recorded, tmp_path):
     write(recorded, tmp_path / "data")
-    shutil.copy(ROOT / "comparisons" / "own_mechanism.py", tmp_path / "data")
+    shutil.copy(ROOT / "comparisons/own_mechanism.py", tmp_path / "data")
     with assert_refused(r"'own_mechanism:cart_pole' is code"):
         load_dataset(tmp_path / "data")
     again = load_dataset(tmp_path / "data", trust=True)
     assert again.mechanism == recorded.mechanism
-    text = (tmp_path / "data" / "dataset.toml").read_text()
+    text = (tmp_path / "data/dataset.toml").read_text()
     assert tomllib.loads(text)["units"] == {
         "angle": ["m", "rad"],
         "velocity": ["m/s", "rad/s"],

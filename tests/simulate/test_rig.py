@@ -201,7 +201,7 @@ def test_a_written_data_set_reads_back(rig, tmp_path):
         assert np.array_equal(x.time, y.time)
         assert np.abs(x.value - y.value).max() < 1e-8
         assert holds(x) == holds(y)  # what is not stated is stated in the file
-    assert (tmp_path / "set" / "rig.toml").read_bytes() == b"# settings"
+    assert (tmp_path / "set/rig.toml").read_bytes() == b"# settings"
 
 
 def test_a_set_that_was_interrupted_is_refused_until_it_is_written_again(
@@ -302,8 +302,8 @@ def test_the_command_writes_a_set_and_its_noise_free_twin(tmp_path, run):
         code, out, _ = run(tmp_path, "simulate", settings, "--out", name, *options)
         assert code == 0 and "1 recordings, 5 samples" in out
     noisy, exact = (load_dataset(tmp_path / name) for name in ("noisy", "exact"))
-    assert (tmp_path / "noisy" / "rig.toml").read_bytes() == settings.read_bytes()
-    assert not (tmp_path / "exact" / "rig.toml").exists()
+    assert (tmp_path / "noisy/rig.toml").read_bytes() == settings.read_bytes()
+    assert not (tmp_path / "exact/rig.toml").exists()
     assert np.array_equal(signals(exact)[0].value, signals(exact)[2].value)
     assert not np.allclose(signals(noisy)[0].value, signals(exact)[0].value)
 

@@ -61,7 +61,7 @@ def test_the_temperature_is_a_column_of_the_data(tmp_path):
 
 
 def test_the_table_on_the_page_is_accepted_and_mistakes_are_named():
-    text = (ROOT / "docs" / "monitoring.md").read_text("utf-8")
+    text = (ROOT / "docs/monitoring.md").read_text("utf-8")
     (table,) = re.findall(r"^```toml\n(.*?)^```", text, flags=re.M | re.S)
     own = tomllib.loads(table)["variation"]
     Variation(**own | {"wear": tuple(own["wear"]), "temperature": tuple(own["temperature"])})

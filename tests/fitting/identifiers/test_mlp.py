@@ -320,7 +320,7 @@ def test_a_network_of_ones_own_learns_and_comes_back_from_its_file(tmp_path):
 
 
 def test_it_takes_less_than_forty_lines():
-    text = (ROOT / "comparisons" / "own_network.py").read_text()
+    text = (ROOT / "comparisons/own_network.py").read_text()
     assert len(text.splitlines()) < 40
 
 

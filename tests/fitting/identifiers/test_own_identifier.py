@@ -21,7 +21,7 @@ from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, check_law
 
-FILE = ROOT / "comparisons" / "own_friction.py"
+FILE = ROOT / "comparisons/own_friction.py"
 
 
 @pytest.fixture
@@ -37,11 +37,11 @@ def own(monkeypatch):
 def test_the_page_shows_this_file_and_it_has_under_forty_lines():
     text = FILE.read_text(encoding="utf-8")
     assert len(text.splitlines()) < 40
-    assert f"```python\n{text}```" in (ROOT / "docs" / "python" / "own_law.md").read_text("utf-8")
+    assert f"```python\n{text}```" in (ROOT / "docs/python/own_law.md").read_text("utf-8")
 
 
 def test_the_identifier_of_the_documentation_keeps_to_the_protocol(tmp_path, monkeypatch):
-    page = (ROOT / "docs" / "identifiers.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/identifiers.md").read_text(encoding="utf-8")
     code = page.split("```python\n")[1].split("```")[0]
     (tmp_path / "viscous_of_the_docs.py").write_text(code, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -109,8 +109,8 @@ def test_shooting_sees_friction_that_differences_of_velocities_do_not(real_data)
 def test_swing_ups_never_seen_are_predicted_twice_as_well_as_by_the_published_model(real_data):
     data = real_data / "dfki_double_pendulum"
     _, found = fitted("dfki_c1", data, only="motor_load")["motor_load"]
-    published = load_model(ROOT / "data" / "dfki_c1" / "model_1.0.json")
-    swings = load_dataset(ROOT / "data" / "dfki_c1_swingup", data)
+    published = load_model(ROOT / "data/dfki_c1/model_1.0.json")
+    swings = load_dataset(ROOT / "data/dfki_c1_swingup", data)
     prepared = prepare(swings, Protocol(horizons=(0.5, 1.0), sample_time=0.01))
     own, *_ = score_model(found.friction, prepared)
     other, *_ = score_model(published, with_parameters(prepared, published.parameters))
@@ -180,7 +180,7 @@ def logs(request, real_data, tmp_path_factory):
         name = path.name.removesuffix(".json.gz")
         entries.to_csv(folder / f"{name}.csv", index=False, float_format="%.17g")
     (folder / "dataset.toml").write_text(TOML)
-    whole = request.config.rootpath / "data" / "bam_xl330_whole"
+    whole = request.config.rootpath / "data/bam_xl330_whole"
     return load_dataset(whole, real_data / "bam_xl330"), load_dataset(folder)
 
 

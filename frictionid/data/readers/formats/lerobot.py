@@ -115,9 +115,7 @@ def _places(names: list[str], file: str) -> dict[str, str]:
 
 def _features(file: str) -> dict[str, list[str]]:
     """Names of the elements of each feature, by the info.json of the data set."""
-    info = next(
-        (p / "meta" / "info.json" for p in Path(file).parents if (p / "meta").is_dir()), None
-    )
+    info = next((p / "meta/info.json" for p in Path(file).parents if (p / "meta").is_dir()), None)
     if info is None:
         raise InputError(f"{file}: no folder above has meta/info.json; copy it, or use feature[0]")
     try:
