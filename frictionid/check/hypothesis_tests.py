@@ -237,11 +237,8 @@ def run_tests(measured: Measured) -> HypothesisTests:
         best = fitting[0].convention
         corrected = measured.mapped(best.angle, best.torque, best.offset)
         rows = untested(corrected).rows
-    rotors = missing_rotors(corrected, rows)
-    if rotors is not None:  # and anew at the delay that shows beside them
-        turning = corrected.with_base(rotors[0])
-        delay = delay_of(rows, turning.torque, turning.nominal)
-        rotors = missing_rotors(corrected, rows, delay.seconds if delay else 0.0) or rotors
+    rotors = _rotors(corrected, rows)
+    if rotors is not None:
         corrected = corrected.with_base(rotors[0])
     if rotors is not None or fitting:
         delay = delay_of(rows, corrected.torque, corrected.nominal)
@@ -285,6 +282,16 @@ def run_tests(measured: Measured) -> HypothesisTests:
         findings=tuple(findings),
         odd=odd,
     )
+
+
+def _rotors(measured: Measured, rows: Rows) -> tuple[Array, Finding] | None:
+    """Rotors that nobody has given, at the delay that shows beside them."""
+    rotors = missing_rotors(measured, rows)
+    if rotors is None:
+        return None
+    turning = measured.with_base(rotors[0])
+    delay = delay_of(rows, turning.torque, turning.nominal)
+    return missing_rotors(measured, rows, delay.seconds if delay else 0.0) or rotors
 
 
 def _longer_rows(measured: Measured, rows: Rows) -> Rows | None:

@@ -112,7 +112,7 @@ def joint_values(friction: Friction, j: int, back_emf: float) -> dict[str, str]:
     """Attributes of a joint: level, and damping by powers of the velocity.
 
     >>> import numpy as np
-    >>> joint_values(Friction(Quadratic(), np.array([[0.1, 0.02, 0.003]])), 0)
+    >>> joint_values(Friction(Quadratic(), np.array([[0.1, 0.02, 0.003]])), 0, 0.0)
     {'frictionloss': '0.1', 'damping': '0.02 0.003'}
     """
     law, row = friction.law, [float(x) for x in friction.theta[j]]

@@ -72,18 +72,16 @@ def judge(
 
     disturbed : stretches of the new recordings, of so many seconds, that were left out
     """
-    n = len(baseline.joints)
+    n, size = len(baseline.joints), np.array([e.size for e in baseline.reference.effects])
     side = beyond(baseline.changes.motion, new.motion)
     fits = np.asarray(~side.any(axis=(1, 2)))
     notes = list(_notes(baseline, new, side, disturbed))
     if 2 * fits.sum() < len(fits):
         nothing = np.full(n, np.nan)
         parts = pd.DataFrame(columns=_COLUMNS)
-        none = np.zeros(len(baseline.reference.effects))
         return Judgement(
-            "cannot_tell", rate, np.nan, nothing, (), (), (), parts, tuple(notes), none
+            "cannot_tell", rate, np.nan, nothing, (), (), (), parts, tuple(notes), 0.0 * size
         )
-    size = np.array([e.size for e in baseline.reference.effects])
     difference = difference_of(baseline.changes, picked(new, fits), size)
     likely = {
         f"{FRICTION}{name}": row
@@ -105,13 +103,9 @@ def judge(
             "record more of its motion"
         )
     answer = _answer(explanation, joints, every_blind=len(blind) == n)
-    matters = totals.change.abs() > _MATTERS * baseline.level
-    maybe = totals[matters & (totals.low_95 * totals.high_95 > 0)]
-    if answer == "unchanged" and len(maybe):
+    if answer == "unchanged" and (maybe := _maybe_changed(baseline, totals)):
         answer = "cannot_tell"
-        rows = zip(maybe.joint.tolist(), maybe.per_cent, strict=True)
-        each = (f"{baseline.joints[joint]} by {change:+.0f} %" for joint, change in rows)
-        notes.append(f"friction may have changed, of {', '.join(each)}: record more")
+        notes.append(f"friction may have changed, of {', '.join(maybe)}: record more")
     lost = sum(s.end - s.begin for s in disturbed) / seconds
     if lost > _TORN:
         answer = "cannot_tell"
@@ -130,6 +124,14 @@ def judge(
         tuple(notes),
         _payload(tests, explanation),
     )
+
+
+def _maybe_changed(baseline: Baseline, totals: pd.DataFrame) -> list[str]:
+    """Joints and changes that chance may explain, and that are yet no sign of no change."""
+    matters = totals.change.abs() > _MATTERS * baseline.level
+    maybe = totals[matters & (totals.low_95 * totals.high_95 > 0)]
+    rows = zip(maybe.joint.tolist(), maybe.per_cent, strict=True)
+    return [f"{baseline.joints[joint]} by {change:+.0f} %" for joint, change in rows]
 
 
 def _payload(tests: CauseTests, explanation: Explanation) -> Array:
