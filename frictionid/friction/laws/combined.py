@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,9 +59,6 @@ def part_of(part: Any, where: str, kinds: Sequence[str] = tuple(PARTS)) -> Law:
     return PARTS[kind](**settings)
 
 
-Quantity = Literal["torque", "limit"]  # of a law, as its method is called
-
-
 class CombinedLaw(Law):
     """A law made of others, its `parts`, which are smoothed alike.
 
@@ -101,9 +98,12 @@ class CombinedLaw(Law):
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.of_parts("limit", theta, x, memory)
 
-    def of_parts(self, what: Quantity, theta: Array, x: Inputs, memory: Memory) -> Array:
-        """Torque or break-away level (..., n) [N m] from that of the parts."""
-        raise NotImplementedError
+    def of_parts(self, what: str, theta: Array, x: Inputs, memory: Memory) -> Array:
+        """The parts' "torque" or break-away "limit" together, (..., n) [N m].
+
+        A law that says both itself needs none.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must combine its parts")
 
     def starts_together(self) -> list[tuple[tuple[float, ...], ...]]:
         """Values of each part to start fits from, as often as the part with most of them has."""
@@ -187,7 +187,7 @@ class PerJoint(CombinedLaw):
             out[j, places] = True
         return out
 
-    def of_parts(self, what: Quantity, theta: Array, x: Inputs, memory: Memory) -> Array:
+    def of_parts(self, what: str, theta: Array, x: Inputs, memory: Memory) -> Array:
         parts = self._each(theta, x, memory)
         return _joined([getattr(law, what)(numbers, at, z) for law, numbers, at, z in parts])
 
@@ -305,7 +305,7 @@ class Sum(CombinedLaw):
     def parameters(self) -> tuple[LawParameter, ...]:
         return tuple(self._layout[0])
 
-    def of_parts(self, what: Quantity, theta: Array, x: Inputs, memory: Memory) -> Array:
+    def of_parts(self, what: str, theta: Array, x: Inputs, memory: Memory) -> Array:
         first, *others = (getattr(law, what)(numbers, x, ()) for law, numbers in self._each(theta))
         return sum(others, start=first)
 

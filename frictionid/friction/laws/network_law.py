@@ -265,9 +265,9 @@ class LevelNetwork(NetworkLaw):
         whole = xp.concat([head, level.by_y[..., None] * by_weights], axis=-1)
         return whole * self.sign(x.w)[..., None]
 
+    @abstractmethod
     def inputs(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
         """Inputs (..., n, a) of the layers at another speed in the direction of x.w."""
-        raise NotImplementedError
 
     def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
         speed = namespace(x.w).abs(x.w)

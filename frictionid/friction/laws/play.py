@@ -21,7 +21,7 @@ from frictionid.config import Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from .combined import CombinedLaw, Quantity
+from .combined import CombinedLaw
 
 _GAP = LawParameter("gap", "rad", 1e-4, 1.0, (0.002, 0.006, 0.02, 0.06), stepwise=True, size=0.03)
 _SLOW = 0.02  # [rad/s], contact closes no more sharply than at this speed
@@ -86,7 +86,7 @@ class Play(CombinedLaw):
         xp, reach = namespace(theta, x.w), self._reach(theta, x.w)
         return (xp.minimum(xp.maximum(memory[0] + x.w * dt, -reach), reach),)
 
-    def of_parts(self, what: Quantity, theta: Array, x: Inputs, memory: Memory) -> Array:
+    def of_parts(self, what: str, theta: Array, x: Inputs, memory: Memory) -> Array:
         behind, joint = (getattr(law, what) for law in self.parts)
         half = self._half(x.w if what == "torque" else 0.0 * x.w)
         share, gap = self._share(theta, x, memory, half), len(self.inner.names)

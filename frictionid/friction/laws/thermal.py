@@ -14,7 +14,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from .combined import CombinedLaw, Quantity
+from .combined import CombinedLaw
 
 _LEVEL = "N m"  # units of parameters that are levels of friction, and of viscous terms
 _VISCOUS = ("N m s/rad", "N m s^2/rad^2")
@@ -66,7 +66,7 @@ class Thermal(CombinedLaw):
         xp = namespace(theta, temperature)
         return self.inner, xp.stack(xp.broadcast_arrays(*columns), axis=-1)
 
-    def of_parts(self, what: Quantity, theta: Array, x: Inputs, memory: Memory) -> Array:
+    def of_parts(self, what: str, theta: Array, x: Inputs, memory: Memory) -> Array:
         torque: Array = getattr(self.inner, what)(self._warm(theta, x), x, ())
         return torque
 
