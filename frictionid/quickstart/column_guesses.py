@@ -16,6 +16,7 @@ from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
 
 from .tables import (
+    COUNTS,
     RUNS,
     by_trust,
     is_measured,
@@ -284,7 +285,8 @@ def _angle_unit(table: Table, names: Sequence[str], kind: str) -> tuple[str, str
         return unit, f"the name says {unit}; {span}"
     if kind == "m":
         return ("mm", f"{span}: in m a long way") if high - low > 20 else ("m", span)
-    if counts_of(np.stack([table.columns[name] for name in names])):
+    named = not COUNTS.isdisjoint(words(names[0]))
+    if counts_of(np.stack([table.columns[name] for name in names]), named=named):
         return "counts", f"{span}, whole numbers: counts, a guess, see [motor]"
     if high - low > _TURNS:
         return "deg", f"{span}: in rad that were {(high - low) / (2 * np.pi):.1f} turns"

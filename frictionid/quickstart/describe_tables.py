@@ -204,7 +204,7 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
 def encoder_of(table: Table, guesses: ColumnGuesses) -> dict[str, Any]:
     """Keys of [motor] for the angles of a table that are taken as counts; {} for others."""
     angles = np.stack([table.columns[name] for name in guesses.angle.columns])
-    return counts_of(angles) if guesses.angle.unit == "counts" else {}
+    return counts_of(angles, named=True) if guesses.angle.unit == "counts" else {}
 
 
 def described_draft(draft: Draft, *, blind: bool) -> Described:

@@ -98,6 +98,8 @@ OTHERS = RUNS | frozenset(
     "acc acceleration ddq qdd qddot temp temperature warm volt voltage supply rpm counter count "
     "index sample frame sec".split()
 )
+# Said to be whole numbers of an encoder.
+COUNTS = frozenset("counts ticks tick cnt".split())
 # Said to be of the end of an arm.
 ENDS = frozenset("ee eef tcp cartesian".split())
 # Said to be a sensor's.

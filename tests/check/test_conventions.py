@@ -10,6 +10,7 @@ from fixtures.changed_data import changed, each
 from fixtures.driven_pendulum import simulated
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
+from fixtures.shared import shared
 from fixtures.true_curves import plain_friction
 from fixtures.verdicts import kinds
 from numpy.testing import assert_allclose
@@ -38,7 +39,7 @@ def _fifth(dataset):
     return replace(dataset, recordings=dataset.recordings[::5])
 
 
-@pytest.fixture(scope="module")
+@shared
 def acrobot():
     return load_dataset(DATA / "acrobot_clean")
 
@@ -108,7 +109,7 @@ def test_torques_in_another_unit_are_told(acrobot, factor, kind):
     assert gain.reason.startswith(("1.0", "0.9"))  # the other checks use corrected data
 
 
-@pytest.fixture(scope="module")
+@shared
 def pendulum():
     torque = (Multisine(1.2, (0.4, 0.9, 1.6)),)
     runs = (Run(f"{k}", (0.3 * k,), torques=torque) for k in range(3))

@@ -8,18 +8,19 @@ from fixtures import driven_wrist as wrist
 from fixtures.changed_data import changed
 from fixtures.dataset_files import shipped_with
 from fixtures.paths import DATA
+from fixtures.shared import shared
 from fixtures.verdicts import identifiable, kinds, question
 
 from frictionid.check import check
 from frictionid.data.readers.dataset import load_dataset
 
 
-@pytest.fixture(scope="module")
+@shared
 def arm(tmp_path_factory):
     return wrist.mechanism(tmp_path_factory.mktemp("wrist"))
 
 
-@pytest.fixture(scope="module")
+@shared
 def table(arm):
     return wrist.frame(arm)
 

@@ -8,6 +8,7 @@ from fixtures.changed_data import changed, each, subset
 from fixtures.memory_laws import Sampled, SampledFollower
 from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import dataset as torque_driven
 from fixtures.tiny_pendulums import recordings as torque_driven_recordings
 from fixtures.true_curves import true_states
@@ -83,7 +84,7 @@ def recorded(name, seed, seconds=1.5, stop=9.0):
     return one, States(time, q[:, None], w[:, None])
 
 
-@pytest.fixture(scope="module")
+@shared
 def logs():
     """Data set of four logs, one of them longer, one let go; and their true states."""
     pairs = [recorded("a", 0), recorded("b", 1, 2.5), recorded("c", 2), recorded("d", 3, 1.5, 0.7)]
@@ -96,7 +97,7 @@ def run_of(data, states, friction=TRUTH, begin=0.0):
     return free_run(plant_of(data), friction, trajectory), trajectory
 
 
-@pytest.fixture(scope="module")
+@shared
 def usual(logs):
     """What the true friction gives from the begin of the logs, and the trajectory."""
     return run_of(*logs)

@@ -7,6 +7,7 @@ import pytest
 from fixtures.changed_data import each
 from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines, select
+from fixtures.shared import shared
 from fixtures.tiny_pendulums import GRAVITY, INERTIA, TRUTH, dataset, true_torque
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -38,12 +39,12 @@ STATISTICS = {
 }
 
 
-@pytest.fixture(scope="module")
+@shared
 def prepared():
     return prepare(dataset(), PROTOCOL)
 
 
-@pytest.fixture(scope="module")
+@shared
 def folds():
     return make_folds(dataset().recordings, Split(count=3))
 

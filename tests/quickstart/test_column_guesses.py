@@ -39,6 +39,10 @@ NAMED = {
         {"t": TIME, "pos": np.rint(500 + 400 * Q), "u": U},
         "t in s, pos in counts, u in N m",
     ),
+    "counts": (
+        {"t": TIME, "enc_cnt": np.rint(400 * Q), "u": U},
+        "t in s, enc_cnt in counts, u in N m",
+    ),
     "whole degrees": ({"t": TIME, "pos": np.rint(90 * Q), "u": U}, "t in s, pos in deg, u in N m"),
     "units named": (
         {"time [ms]": 1e3 * TIME, "Angle [deg]": Q, "Torque [mNm]": U},

@@ -76,10 +76,11 @@ def unit_named(quantity: str, unit: str) -> str:
     return name
 
 
-def counts_of(angles: Array) -> dict[str, float]:
+def counts_of(angles: Array, *, named: bool = False) -> dict[str, float]:
     """Keys of [motor] for angles that look like counts of a smart servo; {} for others.
 
-    These are whole numbers, 4096 of a turn or 1024 of 300 degrees, and zero is in the middle.
+    These are whole numbers, 4096 of a turn or 1024 of 300 degrees, and zero is in the middle. Whole
+    numbers that are named counts are those of an encoder, of 4096.
 
     >>> counts_of(np.array([1645.0, 2452.0])), counts_of(np.array([-90.0, 90.0]))
     ({'counts_per_turn': 4096.0, 'offset': -3.141593}, {})
@@ -91,7 +92,7 @@ def counts_of(angles: Array) -> dict[str, float]:
     for count, turn in _SERVOS:
         if 0 <= low and high < count and abs(low + high - count) < count / 2:
             return {"counts_per_turn": turn, "offset": round(-math.pi * count / turn, 6)}
-    return {}
+    return {"counts_per_turn": _SERVOS[-1][1], "offset": 0.0} if named else {}
 
 
 _TURNS, _WHOLE = 4 * math.pi, 1e-6  # fewer counts may be radians

@@ -138,7 +138,7 @@ def test_the_resistance_lies_where_published_models_have_it(request, real_data):
     found = refine(start, logs, blocks, SHORT, sample_time=0.01)
     kt, R = found.calibration.motor
     assert kt == logs.recordings[0].servo.kt and found.covariance.identified[-1]
-    published = [load_model(folder / "bam_xl330" / f"{m}.json").parameters for m in ("m1", "m6")]
+    published = [load_model(folder / f"bam_xl330/{m}.json").parameters for m in ("m1", "m6")]
     low, high = sorted(kt / m["kt"] * m["R"] for m in published)  # with the same torque per volt
     assert 0.9 * low < R < 1.1 * high
 
