@@ -205,12 +205,12 @@ def without_shared(covariance: Covariance, law: Law) -> Covariance:
     Bristles that bend less pass for their damping: no interval by slopes holds what that may be.
     """
     at = {p.place: k for k, p in enumerate(covariance.parameters) if p.block == "friction"}
-    words, matrix, told = [], covariance.matrix.copy(), covariance.identified
+    words, matrix, identified = [], covariance.matrix.copy(), covariance.identified
     for (j, i), k in () if law.is_network else at.items():
         names = [p.name for p in law.parameters]
         other = law.parameters[i].beside
         beside = at.get((j, names.index(other))) if other in names else None
-        if beside is not None and not told[beside]:
+        if beside is not None and not identified[beside]:
             forget(matrix, [k])
             a, b = (covariance.parameters[place].name for place in (k, beside))
             words.append(f"{a} has no interval beside {b}, which the data do not tell")

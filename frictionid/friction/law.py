@@ -38,7 +38,7 @@ class LawParameter(NamedTuple):
         of infinity where it has no neutral value
     like : another parameter whose value is the neutral one, such as that of the other direction
     initial : values to start fits from; (): zero, or the bound nearest to it
-    beside : another parameter that makes up for it: without that one it is not told
+    beside : another parameter that makes up for it: without that one it is not identified
     optional : whether zero is a term that friction does not have, and that stays out
     stepwise : whether friction at samples changes by steps in it: a derivative does not show where
         the next step is, so that fits try other values of it

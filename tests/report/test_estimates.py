@@ -34,8 +34,8 @@ def test_a_parameter_by_direction_counts_as_that_of_both(richer, shown):
     assert all(f"{name} 0.5" in said for name in shown)
 
 
-@pytest.mark.parametrize("correlation, told", [(-0.999, True), (0.0, False)])
-def test_a_level_is_told_where_only_the_sum_of_its_parts_is_identified(correlation, told):
+@pytest.mark.parametrize("correlation, shown", [(-0.999, True), (0.0, False)])
+def test_a_level_is_shown_where_only_the_sum_of_its_parts_is_identified(correlation, shown):
     parts = zip(("coulomb", "peak"), (0.3, 0.7), strict=True)
     read = tuple(
         Estimate("friction", f"{name} of hip", "N m", 0, value, 0.5, identified=False)
@@ -43,5 +43,5 @@ def test_a_level_is_told_where_only_the_sum_of_its_parts_is_identified(correlati
     )
     covariance = 0.25 * np.array([[1.0, correlation], [correlation, 1.0]])
     _, _, *levels = with_levels(Estimates(parameters=read, covariance=covariance, freedom=20))
-    assert [e.name for e in levels] == ["coulomb + peak of hip"] * told
+    assert [e.name for e in levels] == ["coulomb + peak of hip"] * shown
     assert all(e.value == 1.0 and e.high - 1.0 == pytest.approx(0.04665, rel=1e-3) for e in levels)

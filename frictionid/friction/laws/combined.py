@@ -1,5 +1,6 @@
 """Laws made of other laws: one for each joint, and sums of several in one joint."""
 
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -98,12 +99,9 @@ class CombinedLaw(Law):
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.of_parts("limit", theta, x, memory)
 
+    @abstractmethod
     def of_parts(self, what: str, theta: Array, x: Inputs, memory: Memory) -> Array:
-        """The parts' "torque" or break-away "limit" together, (..., n) [N m].
-
-        A law that says both itself needs none.
-        """
-        raise NotImplementedError(f"{type(self).__name__} must combine its parts")
+        """The parts' "torque" or break-away "limit" together, (..., n) [N m]."""
 
     def starts_together(self) -> list[tuple[tuple[float, ...], ...]]:
         """Values of each part to start fits from, as often as the part with most of them has."""

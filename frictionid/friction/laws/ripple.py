@@ -48,9 +48,12 @@ class Ripple(Periodic, CombinedLaw):
             *(LawParameter(name, "1", -_MOST, _MOST, size=0.3, optional=True) for name in names),
         )
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+    def of_parts(self, what: str, theta: Array, x: Inputs, memory: Memory) -> Array:
+        height = self._height(theta, x)
+        if what == "limit":
+            return height * self.inner.limit(self._split(theta)[0], x, memory)
         level, viscous = self._parts(theta, x)
-        return self._height(theta, x) * level + viscous
+        return height * level + viscous
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         numbers, _ = self._split(theta)
@@ -62,9 +65,6 @@ class Ripple(Periodic, CombinedLaw):
         rubbing = xp.where(height > 0.0, level, 0.0 * level)
         columns += [of_law[..., -1] + 0.0 * level, *(rubbing * wave for wave in self.waves(x.q))]
         return xp.stack(columns, axis=-1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self._height(theta, x) * self.inner.limit(self._split(theta)[0], x, memory)
 
     def _split(self, theta: Array) -> tuple[Array, Array]:
         """Parameters of the law, viscous friction last, and amplitudes of the waves."""

@@ -45,8 +45,8 @@ def test_bristles_explain_the_motion_to_its_noise():
     case = case_of("lugre", "joint")
     fit = shot(sets_of(case, [102], 8, late=True)[0], case.law)
     assert fit.diagnostics.angle_noise[0] < 1.2 * coverage_cases.NOISE["joint"]
-    told = fit.covariance.identified[[p.name for p in fit.covariance.parameters].index(BENT)]
-    assert not told and any(w.startswith(f"{BENT} has no") for w in fit.covariance.undetermined)
+    bent = fit.covariance.identified[[p.name for p in fit.covariance.parameters].index(BENT)]
+    assert not bent and any(w.startswith(f"{BENT} has no") for w in fit.covariance.undetermined)
 
 
 # --- Blocks that are not free, where these would show ---------------------------------------------
