@@ -12,6 +12,7 @@ from ..parameter_block import Estimate, values_of
 from ..sandwich import Groups, clusters_of
 from .problem import Linearisation, ShootingProblem
 from .sample_intervals import Intervals
+from .window_loops import eliminate, follow
 
 START_VELOCITY = 10.0  # times the slow speed: deviation of a velocity from the smoothed one
 # Sizes of the joints per size, or size per second, of the initial state: predictions without
@@ -58,7 +59,6 @@ def initial_state_prior(
     return np.stack([mean, precision])
 
 
-@np.errstate(over="ignore", invalid="ignore")
 def predict_windows(
     intervals: Intervals, linearised: Linearisation, nodes: Array, windows: Array, offset: Array
 ) -> WindowPrediction:
@@ -71,46 +71,17 @@ def predict_windows(
     Windows that explode (a law that the parameters make too steep) are kept as they are: their
     predictions are far off, and nothing moves them until the parameters are better.
     """
-    n, s = intervals.n, nodes.shape[1]
-    W, N = windows.shape
-    D = linearised.by.shape[-1]
-    on = windows >= 0
-    index = np.where(on, windows, 0)
-    last = on & ~np.concatenate([on[:, 1:], np.zeros((W, 1), bool)], axis=1)
-    error, share = np.zeros((W, N + 1, n)), np.zeros((W, N + 1))
-    slope = np.zeros((W, N + 1, n, 2 * n + D))
-    moved, carried = np.zeros((W, N, s)), np.zeros((W, N, s, 2 * n + D))
-    weight = np.ones((W, N + 1, n))
-    g, T = np.zeros((W, s)), np.zeros((W, s, 2 * n + D))
-    T[:, : 2 * n, : 2 * n] = np.eye(2 * n)
-    for k in range(N):
-        i, end = index[:, k], last[:, k]
-        use = on[:, k] if not on[:, k].all() else slice(None)  # views, no copies
-        moved[use, k], carried[use, k] = g[use], T[use]
-        error[use, k] = (intervals.before[i] - offset - nodes[i, :n] - g[:, :n])[use]
-        slope[use, k] = T[use, :n]
-        weight[use, k] = intervals.weight_before[i][use]
-        share[use, k] = 1.0 if k else 0.5
-        P = linearised.by_start[i]
-        follows = np.where(end, i, index[:, min(k + 1, N - 1)])
-        gap = np.where(end[:, None], 0.0, linearised.end[i] - nodes[follows])
-        g = (P @ g[..., None])[..., 0] + gap
-        T = P @ T
-        T[..., 2 * n :] += linearised.by[i]
-        if end.any():
-            at = linearised.end[i, :n] + g[:, :n]
-            error[end, k + 1] = (intervals.after[i] - offset - at)[end]
-            slope[end, k + 1] = T[end, :n]
-            weight[end, k + 1] = intervals.weight_after[i][end]
-            share[end, k + 1] = 0.5
-    for d in np.flatnonzero(linearised.angle.any(axis=1)):
-        slope[..., 2 * n + d] += linearised.angle[d] * (share > 0)[..., None]
-    if (weight != 1.0).any():
-        error, slope = error * weight, slope * weight[..., None]
-    prediction = WindowPrediction(error, slope, share, moved, carried)
+    (W, N), s, n = windows.shape, nodes.shape[1], intervals.n
+    width = 2 * n + linearised.by.shape[-1]
+    shapes = (N + 1, n), (N + 1, n, width), (N + 1,), (N, s), (N, s, width)
+    prediction = WindowPrediction(*(np.empty((W, *shape)) for shape in shapes))
+    measured = np.stack([intervals.before, intervals.after]) - offset
+    weight = np.stack([intervals.weight_before, intervals.weight_after])
+    follow(windows, measured, weight, nodes, *linearised, *prediction)
     return _without_explosions(prediction, intervals.dataset.scales.size)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _without_explosions(prediction: WindowPrediction, size: Array) -> WindowPrediction:
     """The predictions of joints of some size (n,) with windows that explode held where they are."""
     n = prediction.error.shape[-1]
@@ -166,49 +137,16 @@ def eliminate_states(
     weight (W, N + 1, n), sigma (n,) [rad]; prior (2, W, 2n): of the initial state's move, mean and
     precision; damping (W, 2n), more precision for its step alone
     """
-    W, N = prediction.share.shape
-    count = -(-W * N // AT_ONCE)
-    if count == 1:
-        return _eliminated(prediction, weight, sigma, prior, damping)
-    parts = []
-    for rows in np.array_split(np.arange(W), count):
-        part = slice(int(rows[0]), int(rows[-1]) + 1)
-        less = None if damping is None else damping[part]
-        parts.append(_eliminated(prediction.take(part), weight[part], sigma, prior[:, part], less))
-    return NormalEquations(*map(np.concatenate, zip(*parts, strict=True)))
-
-
-def _eliminated(
-    prediction: WindowPrediction, weight: Array, sigma: Array, prior: Array, damping: Array | None
-) -> NormalEquations:
-    """The same for windows all at once."""
-    W = len(prediction.error)
+    (W, R, n), size = prediction.error.shape, prior.shape[-1]
+    D = prediction.slope.shape[-1] - size
     root = np.sqrt(weight * prediction.share[..., None]) / sigma
-    D = prediction.slope.shape[-1]
-    A = (prediction.slope * root[..., None]).reshape(W, -1, D)
-    b = (prediction.error * root).reshape(W, -1)
-    size = prior.shape[-1]
-    alone, shared = A[..., :size], A[..., size:]
-    turned = np.swapaxes(alone, 1, 2)
-    wanted, precision = prior
-    start = turned @ alone + precision[:, :, None] * np.eye(size)
-    start_right = (turned @ b[..., None])[..., 0] + precision * wanted
-    inverse = np.linalg.inv(start)
-    cross = turned @ shared
-    to_start = inverse @ cross
-    best = (inverse @ start_right[..., None])[..., 0]
-    # as a sum of squares: a difference of large ones may come out negative
-    rest = shared - alone @ to_start
-    H = np.swapaxes(rest, 1, 2) @ rest
-    H += np.swapaxes(to_start, 1, 2) @ (precision[:, :, None] * to_start)
-    kept = (precision * wanted)[:, None]
-    g = (b[:, None] @ rest - kept @ to_start)[:, 0]
-    leverage = ((alone @ inverse) * alone).sum(axis=-1).reshape(root.shape)
-    if damping is not None:
-        held = start + damping[:, :, None] * np.eye(size)
-        both = np.linalg.solve(held, np.concatenate([cross, start_right[..., None]], axis=-1))
-        to_start, best = both[..., :-1], both[..., -1]
-    return NormalEquations(H, g, to_start, best, leverage)
+    shapes = (D, D), (D,), (size, D), (size,), (R, n)
+    normal = NormalEquations(*(np.zeros((W, *shape)) for shape in shapes))
+    rows = (x.reshape(W, R * n, *x.shape[3:]) for x in (prediction.slope, prediction.error, root))
+    damping = np.zeros((W, size)) if damping is None else damping
+    out = normal._replace(leverage=normal.leverage.reshape(W, -1))  # a view
+    eliminate(*rows, prior, damping, *out)
+    return normal
 
 
 class Solution(NamedTuple):
