@@ -189,7 +189,7 @@ def test_a_compiled_network_learns_the_same():
     weights = synthetic_weights(problem)
     eager = along(TINY.fit(problem, weights, 0), problem.nodes)
     # code for no particular processor, without optimisation: most of the time is the compiler's
-    plain = {"cpp.simdlen": 1, "aot_inductor.debug_compile": True, "compile_threads": 1}
+    plain = {"cpp.vec_isa_ok": False, "aot_inductor.debug_compile": True, "compile_threads": 1}
     with inductor.patch({**plain, "cpp_cache_precompile_headers": False}):
         quick = along(replace(TINY, compile=True).fit(problem, weights, 0), problem.nodes)
     assert_allclose(quick, eager, rtol=0, atol=1e-9 * np.abs(eager).max())
