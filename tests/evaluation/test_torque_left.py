@@ -61,7 +61,7 @@ def test_what_the_true_friction_leaves_is_at_most_what_noise_of_the_angles_does(
     torque = (Multisine(1.2, (0.7, 1.1, 1.6)),)
     runs = (Run(f"{i}", (0.2 * i,), torques=torque) for i in range(3))
     camera, drive = Camera(int(12 * rate), rate, noise), Drive(rate=rate)
-    data = simulated(0.1, 0.02, camera, runs, drive=drive)
+    data = simulated(0.1, 0.02, camera, runs, drive=drive, substeps=2)
     frame = left(data, np.array([[0.1, 0.02]]))
     assert 0.02 < frame["left"]["all"] < 1.1 * frame["noise"]["all"] < 1.8 * frame["left"]["all"]
 

@@ -81,7 +81,7 @@ def really(experiment, torque, start):
         plain_friction(coulomb, viscous),
     )
     states = integrate_motion(
-        system, start, 0.0 * start, torque[:-1], experiment.images, 1 / 60 / 16
+        system, start, 0.0 * start, torque[:-1], experiment.images, 1 / 60 / 4
     )
     return states[:, 0], states[:, 1]
 

@@ -22,7 +22,7 @@ BENT = "presliding of joint 1"
 def found():
     """Parameters of six sets of a joint with Stribeck friction, at most 42."""
     case = case_of("stribeck", "joint")
-    sets = sets_of(case, range(101, 107), 8, late=True, substeps=4)
+    sets = sets_of(case, range(101, 107), 8, late=True, substeps=2)
     return [e for data in sets for e in by_shooting(case, data)]
 
 
@@ -55,7 +55,7 @@ PLAIN, LEVEL = case_of("coulomb_viscous", "joint"), 0.12  # [N m]
 
 
 def data_of(seed, recordings=6, late=False):
-    return sets_of(PLAIN, [seed], recordings, late=late, substeps=4)[0]
+    return sets_of(PLAIN, [seed], recordings, late=late, substeps=2)[0]
 
 
 def coulomb_of(data, *more):
@@ -113,7 +113,7 @@ UNEXPLAINED = "what is fitted does not explain the motion"
 
 def loaded_gear(seed):
     """A gear whose friction grows with the load."""
-    return sets_of(case_of("gear_load", "joint"), [seed], 4, late=True, substeps=4)[0]
+    return sets_of(case_of("gear_load", "joint"), [seed], 4, late=True, substeps=2)[0]
 
 
 def test_windows_of_other_lengths_give_intervals_that_overlap():

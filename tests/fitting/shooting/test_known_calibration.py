@@ -215,7 +215,7 @@ def test_where_no_motor_drives_a_zero_that_is_off_is_found_by_default(zero):
     machine = {"kind": "pendulum", "driven": False, "parameters": tiny.PENDULUM["parameters"]}
     runs = tuple(Run(f"{k}", (0.5 + 0.3 * k,)) for k in range(4))
     friction, camera = plain_friction(0.03, 0.004), Camera(300, 60.0, 1e-3)
-    data = simulate(Rig("p", machine, friction, camera, runs, substeps=8))
+    data = simulate(Rig("p", machine, friction, camera, runs, substeps=2))
     data = changed(data, "angle", lambda q: q + zero)
     fit = refine(START, data, settings=BRIEF)
     blocks = [p.block for p in fit.covariance.parameters]

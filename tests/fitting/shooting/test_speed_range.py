@@ -40,8 +40,8 @@ def recorded(mechanism, friction, torque, noise, seed=0):
         )
         for k in range(4)
     )
-    camera, drive = Camera(1500, 1000.0, noise), Drive(1000.0)
-    return simulate(Rig("slow", mechanism, Truth(curve), camera, runs, drive=drive, substeps=2))
+    camera, exact = Camera(1500, 1000.0, noise), {"drive": Drive(1000.0), "substeps": len(torque)}
+    return simulate(Rig("slow", mechanism, Truth(curve), camera, runs, **exact))
 
 
 def problem_of(data):

@@ -353,7 +353,7 @@ def test_an_encoder_that_rests_most_of_the_time_does_not_make_its_steps_the_nois
     machine = {"kind": "pendulum", "driven": False, "parameters": PENDULUM["parameters"]}
     runs = tuple(Run(f"{k}", (0.4 + 0.1 * k,)) for k in range(3))
     camera = Camera(1000, 100.0, 0.0, resolution=2e-3)  # at rest after 0.9 s
-    rig = Rig("p", machine, plain_friction(0.05, 0.004), camera, runs, substeps=8)
+    rig = Rig("p", machine, plain_friction(0.05, 0.004), camera, runs, substeps=2)
     fit = refine(START, simulate(rig), (FrictionBlock(),))
     assert (fit.covariance.error < [0.001, 0.0005]).all()
     assert (np.abs(fit.friction.theta[0] - [0.05, 0.004]) < [0.0005, 0.0002]).all()
