@@ -197,6 +197,21 @@ ModelsAndDataset = Annotated[list[Path], _models_and_dataset]
 PresentOrNone = Annotated[Path | None, present]
 
 
+def check_files(
+    written: Iterable[Path | None],
+    read: Iterable[Path | None],
+    dataset: Path,
+    data: Path | None = None,
+    *,
+    replace: bool,
+) -> None:
+    """Refuse files to write that exist or are read, those of a data set among these."""
+    from frictionid.data.readers.dataset import dataset_files
+    from frictionid.outputs import check_outputs
+
+    check_outputs(written, [*read, *dataset_files(dataset, data)], replace=replace)
+
+
 # --- What a command shows: a progress bar, nothing with --quiet, advice after Ctrl-C --------------
 
 QUIET = ("--quiet", "-q")

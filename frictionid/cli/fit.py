@@ -14,6 +14,7 @@ from .command import (
     ModelsAndDataset,
     PresentOrNone,
     PresentPath,
+    check_files,
     counted,
     heard,
     numbers,
@@ -69,15 +70,13 @@ def fit(
     figure : Picture of friction over velocity to write (PNG).
     """
     from frictionid.api.models import identifier_of
-    from frictionid.data.readers.dataset import dataset_files
     from frictionid.files import write_bytes
     from frictionid.friction.model_files import model_paths
-    from frictionid.outputs import check_outputs
     from frictionid.report.figures.fits import check_drawable, fit_figure
     from frictionid.report.figures.style import png
 
-    read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
-    check_outputs([*model_paths(out), figure], read, replace=replace)
+    read = model_paths(calibration) if calibration else ()
+    check_files([*model_paths(out), figure], read, dataset, data, replace=replace)
     chosen = identifier_of(identifier, law_settings := settings(set_ or []))
     if figure is not None:
         check_drawable(chosen)
@@ -158,11 +157,9 @@ def evaluate(
     initial_states : Estimator of the states that rollouts start from: filter, or model.
     """
     from frictionid.api.evaluate import file_labels, scores_of, training_notes
-    from frictionid.data.readers.dataset import dataset_files
     from frictionid.evaluation import Protocol
     from frictionid.files import csv_text, write_text
     from frictionid.friction.model_files import load_model, model_paths
-    from frictionid.outputs import check_outputs
     from frictionid.report import show_scores, show_torque_left
     from frictionid.report.summary_table import score_torque_frames
 
@@ -170,7 +167,7 @@ def evaluate(
         raise InputError("evaluate needs at least one model file and, last, a data set")
     *models, place = files
     read = [path for model in models for path in model_paths(model)]
-    check_outputs([out], [*read, *dataset_files(place, data)], replace=replace)
+    check_files([out], read, place, data, replace=replace)
     named = dict(zip(file_labels(models), models, strict=True))
     laws = [*map(_own_law, law or ())]
     frictions = {name: load_model(path, laws) for name, path in named.items()}
@@ -224,12 +221,10 @@ def predict(
     every : Time between two starts [s]; the horizon.
     whole : Whole recordings from their start instead.
     """
-    from frictionid.data.readers.dataset import dataset_files
     from frictionid.files import csv_text, write_bytes, write_text
     from frictionid.friction.model_files import load_model
-    from frictionid.outputs import check_outputs
 
-    check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
+    check_files([out], [model], dataset, data, replace=replace)
     friction = load_model(model, [*map(_own_law, law or ())])
     loaded = fid.load_dataset(dataset, data, trust=trust)
     table = fid.predict(friction, loaded, horizon, every, whole=whole)

@@ -10,7 +10,16 @@ import typer
 import frictionid as fid
 from frictionid.errors import InputError
 
-from .command import DatasetPath, ModelPaths, PresentOrNone, is_quiet, numbers, running, setting
+from .command import (
+    DatasetPath,
+    ModelPaths,
+    PresentOrNone,
+    check_files,
+    is_quiet,
+    numbers,
+    running,
+    setting,
+)
 
 if TYPE_CHECKING:
     from frictionid.quickstart.describe_tables import Described, Known
@@ -243,12 +252,10 @@ def check(
     out : Folder for pictures.
     """
     from frictionid.check import LEVELS
-    from frictionid.data.readers.dataset import dataset_files
-    from frictionid.outputs import check_outputs
     from frictionid.report.diagnostics import picture_paths, write_pictures
 
     if out is not None:
-        check_outputs(picture_paths(out), dataset_files(dataset, data), replace=replace)
+        check_files(picture_paths(out), (), dataset, data, replace=replace)
     verdict = fid.check(fid.load_dataset(dataset, data, trust=trust))
     if json:
         print(verdict.json())
@@ -281,9 +288,7 @@ def quick(
     from functools import partial
     from itertools import chain, count
 
-    from frictionid.data.readers.dataset import dataset_files
     from frictionid.files import file_names, write_bytes
-    from frictionid.outputs import check_outputs
     from frictionid.progress import say_nothing
     from frictionid.quickstart import quick as first
     from frictionid.quickstart.quick_report import quick_figure, quick_json, show_check, show_laws
@@ -294,7 +299,7 @@ def quick(
     ends = chain([""], (f"-{k}" for k in count(2)))
     paths = (Path(f"{name}{end}.png") for end in ends)
     figure = figure or next(path for path in paths if replace or not os.path.lexists(path))
-    check_outputs([figure], dataset_files(dataset, data), replace=replace)
+    check_files([figure], (), dataset, data, replace=replace)
     with running(first.plan_for(loaded).steps, f"first verdict ({loaded.name})") as done:
         # laws take minutes: a run that is stopped leaves what the check says
         verdict = first.quick(loaded, done, say_nothing if json else show_check)

@@ -15,6 +15,7 @@ from frictionid.cli.command import (
     ModelPaths,
     PresentOrNone,
     PresentPath,
+    check_files,
     heard,
     is_quiet,
     present,
@@ -177,10 +178,7 @@ def baseline(
     law : Identifier of the friction that changes are measured against.
     model : Model file in place of that fit.
     """
-    from frictionid.data.readers.dataset import dataset_files
-    from frictionid.outputs import check_outputs
-
-    check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
+    check_files([out], [model], dataset, data, replace=replace)
     loaded = fid.load_dataset(dataset, data, trust=trust)
     with heard(f"baseline ({loaded.name})"):
         healthy = fid.baseline(loaded, out, law=law, model=model, only=only or ())

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 import frictionid as fid
-from frictionid.cli.command import DatasetPath, PresentPath, counted, show
+from frictionid.cli.command import DatasetPath, PresentPath, check_files, counted, show
 from frictionid.errors import InputError
 
 RIG = Path("rig.toml")
@@ -115,9 +115,6 @@ def render(
     out : Folder of the videos to write.
     only : Recordings, all where none is named.
     """
-    from frictionid.data.readers.dataset import dataset_files
-    from frictionid.outputs import check_outputs
-
     from .camera.film import load_film, video_path, write_film
 
     film, data = load_film(camera), fid.load_dataset(dataset)
@@ -126,7 +123,7 @@ def render(
     if without is not None:
         raise InputError(f"{dataset}: {without!r} has no true motion; render simulated data sets")
     videos = [video_path(film, out / recording.name) for recording in chosen]
-    check_outputs(videos, (*dataset_files(dataset), camera), replace=replace)
+    check_files(videos, [camera], dataset, replace=replace)
     with counted(len(chosen), data.name) as done:
         for recording in chosen:
             assert recording.truth is not None
@@ -297,9 +294,6 @@ def simulate_drive(
     seed : Seed of faults and noise.
     sent : File for the undamaged lines.
     """
-    from frictionid.data.readers.dataset import dataset_files
-    from frictionid.outputs import check_outputs
-
     from .playback import torque_of
     from .rig_settings import load_rig_settings
     from .virtual_drive import Drive, Playback, Terminal
@@ -322,7 +316,7 @@ def simulate_drive(
         seed=seed,
     )
     with ExitStack() as stack:
-        check_outputs([sent], (*dataset_files(dataset), rig), replace=replace)
+        check_files([sent], [rig], dataset, replace=replace)
         if sent is not None:
             sent.parent.mkdir(parents=True, exist_ok=True)
         file = stack.enter_context(sent.open("wb")) if sent else None
