@@ -65,17 +65,17 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
 
 
 def _motion(recording: Recording, angle: Signal, smooth: Smoothed) -> Motion:
-    left = noise_left(smooth.rho, usual_step(angle.time))
+    bandwidth, share, velocity = noise_left(smooth.rho, usual_step(angle.time))
     mean, left_out = smooth.mean, smooth.left_out
     scatter = (angle.value - mean[..., 0]).var(axis=0, where=~left_out)
     step, count = resolutions(recording.angle.value, DISTINCT), len(recording.angle.time)
     rounding = step**2 / 12 / (count // len(angle.time))  # of averaged samples
-    variance = np.maximum(scatter / np.maximum(1.0 - left.share, 0.05), rounding)
+    variance = np.maximum(scatter / np.maximum(1.0 - share, 0.05), rounding)
     base = recording.base_motion
     along = None if base is None else sample(base, angle.time)
     states = States(angle.time, mean[..., 0], mean[..., 1], left_out, base_motion=along)
     noise = np.sqrt(variance)
-    return Motion(states, noise, noise * left.velocity, 1.0 / left.bandwidth)
+    return Motion(states, noise, noise * velocity, 1.0 / bandwidth)
 
 
 class Speeds(NamedTuple):

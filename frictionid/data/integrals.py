@@ -132,7 +132,10 @@ def window_means(
     """
     late = np.asarray(delay, float)
     edges = np.stack([start, stop], axis=1)[..., None] - late.ravel()
-    area = _area(log, recording, edges.reshape(len(start), 2 * late.size))
+    index, d, beyond = _place(log, recording, edges.reshape(len(start), 2 * late.size))
+    v, rise, area = (x.take(index, axis=0) for x in (log.value, log.rise, log.area))
+    area = area + (v + rise * d / 2) * d
+    area = area + (v + rise * d) * beyond if beyond.any() else area
     change = np.diff(area.reshape(*edges.shape, area.shape[-1]), axis=1)[:, 0]  # (K, delays, n)
     mean = np.moveaxis(change / (stop - start)[:, None, None], 1, 0)
     return mean.reshape(*late.shape, *mean.shape[1:])
@@ -156,14 +159,6 @@ def pieces_of(log: SignalIntegrals, recording: Array, edges: Array) -> Pieces:
     later = width * ((value[:, :-1] + value[:, 1:]) / 2 - mean)
     out = (mean, moment, -change / width, later)
     return Pieces(*(np.ascontiguousarray(np.moveaxis(x, 1, 0)) for x in out))
-
-
-def _area(log: SignalIntegrals, recording: Array, time: Array) -> Array:
-    """Area (k, m, n) at times (k, m) of recordings (k,)."""
-    index, d, beyond = _place(log, recording, time)
-    v, rise, area = (x.take(index, axis=0) for x in (log.value, log.rise, log.area))
-    area = area + (v + rise * d / 2) * d
-    return area + (v + rise * d) * beyond if beyond.any() else area
 
 
 def _at(log: SignalIntegrals, recording: Array, time: Array) -> tuple[Array, Array, Array]:

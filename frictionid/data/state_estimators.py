@@ -216,32 +216,24 @@ def without_outliers(angles: Sequence[Signal], states: Sequence[States]) -> tupl
     )
 
 
-class NoiseLeft(NamedTuple):
-    """What the smoother leaves of angle noise, for each series: bandwidth w0 (S,) [rad/s].
+def noise_left(rho: Array, dt: float) -> tuple[Array, Array, Array]:
+    """What smoothers at jerk ratios rho (S,) and a sample time dt [s] leave of angle noise.
 
     The Wiener smoother of white jerk at a jerk ratio rho has the bandwidth w0 = (rho/dt)^(1/6) and
     leaves of the measurement variance s^2, from the integrals of its frequency response,
 
         var q = s^2 dt w0 / 3,    var w = s^2 dt w0^3 / 6
 
-    share : (S,) of the variance that stays in q; velocity : (S,) [1/s] standard deviation of w over
-    that of the angles, no more than that of differences between neighbours, 2^(1/2)/dt
-    """
+    Bandwidth w0 (S,) [rad/s]; share (S,) of the variance that stays in q; standard deviation (S,)
+    [1/s] of w over that of the angles, no more than that of differences between neighbours,
+    2^(1/2)/dt.
 
-    bandwidth: Array
-    share: Array
-    velocity: Array
-
-
-def noise_left(rho: Array, dt: float) -> NoiseLeft:
-    """What smoothers at jerk ratios rho (S,) and a sample time dt [s] leave of angle noise.
-
-    >>> noise_left(np.array([1e-3]), 0.01).share.round(4)
+    >>> noise_left(np.array([1e-3]), 0.01)[1].round(4)
     array([0.0023])
     """
     w0 = np.minimum((rho / dt) ** (1 / 6), np.pi / dt)
     velocity = np.minimum(np.sqrt(dt * w0**3 / 6), np.sqrt(2) / dt)
-    return NoiseLeft(w0, dt * w0 / 3, velocity)
+    return w0, dt * w0 / 3, velocity
 
 
 def _with_noise(states: States, angle: Signal, rho: Array) -> States:
@@ -250,10 +242,10 @@ def _with_noise(states: States, angle: Signal, rho: Array) -> States:
     The angle noise follows from what the smoother took off, and is no less than that of rounding to
     the resolution of the angles.
     """
-    left = noise_left(rho, usual_step(angle.time))
+    _, share, velocity = noise_left(rho, usual_step(angle.time))
     off = MAD * np.median(np.abs(angle.value - states.q), axis=0)
-    noise = off / np.sqrt(1.0 - np.minimum(left.share, 0.9))
-    noise = np.maximum(noise, resolutions(angle.value) / np.sqrt(12)) * left.velocity
+    noise = off / np.sqrt(1.0 - np.minimum(share, 0.9))
+    noise = np.maximum(noise, resolutions(angle.value) / np.sqrt(12)) * velocity
     return states._replace(noise=noise)
 
 
