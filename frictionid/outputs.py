@@ -46,7 +46,14 @@ def check_outputs(
             raise InputError(f"{path} is a folder: name a file in it")
         _check_not_read(path, read)
         if os.path.lexists(path):
-            _check_replaceable(path, replace)
+            if not replace:
+                raise InputError(
+                    f"{path} exists: choose another name, or --replace to write over it"
+                )
+            if not stat.S_ISREG(os.lstat(path).st_mode):
+                raise InputError(
+                    f"{path} is no regular file and is not replaced: choose another name"
+                )
         place = os.path.realpath(path)
         if place in taken:
             raise InputError(f"{path} is written by two options: name two files")
@@ -86,13 +93,6 @@ def _check_not_read(path: Path, inputs: Iterable[Path]) -> None:
             raise InputError(
                 f"{path} belongs to what is read and is not overwritten: choose another name"
             )
-
-
-def _check_replaceable(path: Path, replace: bool) -> None:
-    if not replace:
-        raise InputError(f"{path} exists: choose another name, or --replace to write over it")
-    if not stat.S_ISREG(os.lstat(path).st_mode):
-        raise InputError(f"{path} is no regular file and is not replaced: choose another name")
 
 
 # --- Result folders -------------------------------------------------------------------------------

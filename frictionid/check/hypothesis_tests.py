@@ -84,7 +84,8 @@ def delay_of(rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay | Non
     logged = rows.means(torque)
     if not np.any(logged.std(axis=0) > 1e-9 * max(float(np.abs(logged).max()), 1e-300)):
         return None
-    widest = min(WIDEST, _shortest(rows) / 6)
+    begins = (rows.start[rows.recording == r] for r in np.unique(rows.recording))
+    widest = float(min(WIDEST, min(map(np.ptp, begins)) / 6))  # of the shortest recording
     inside = _inside(rows, widest)
     if inside.moving.any(1).sum() < MIN_WINDOWS:
         return None
@@ -155,12 +156,6 @@ def _balances(
 ) -> _Balances:
     nuisance = nuisance_of(rows, nominal, prior)
     return _Balances(rows, torque, nuisance, rows.required(nominal))
-
-
-def _shortest(rows: Rows) -> float:
-    """Length of the shortest recording [s]."""
-    numbers = np.unique(rows.recording)
-    return float(min(np.ptp(rows.start[rows.recording == r]) for r in numbers))
 
 
 def _inside(rows: Rows, margin: float) -> Rows:

@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
-
 from .conventions import ALIKE, EXPLAINS, MARGIN, Scored
 from .facts import JointFacts
 from .findings import Finding, finding, percent, percent_unexplained
@@ -150,8 +148,11 @@ def identifiable(
     tests: HypothesisTests, facts: Sequence[JointFacts], estimate: Estimate
 ) -> Iterator[Identifiable]:
     """Friction of each joint, inertia combinations, gain and delay."""
-    mechanism = tests.measured.mechanism
-    for fact, terms in zip(facts, _terms(tests), strict=True):
+    measured, mechanism = tests.measured, tests.measured.mechanism
+    rows = tests.rows.at(measured.nominal)
+    each = (rows.inertia[..., 0], rows.gravity[..., 0], tests.rows.means(measured.torque))
+    largest = np.max([row_rms(x, rows.moving) for x in each], axis=0)  # terms of the balances
+    for fact, terms in zip(facts, largest, strict=True):
         reason = _hidden(tests, fact.joint - 1)
         if reason:
             yield Identifiable(f"friction of joint {fact.joint}", False, reason)
@@ -172,13 +173,6 @@ def _hidden(tests: HypothesisTests, j: int) -> str:
     if tests.measured.dataset.torque_at == "link":
         return "a sensor at the link does not feel friction of motor and gear"
     return ""
-
-
-def _terms(tests: HypothesisTests) -> Array:
-    """Root mean square (n,) of the largest term of each joint's balance [N m]."""
-    rows = tests.rows.at(tests.measured.nominal)
-    each = (rows.inertia[..., 0], rows.gravity[..., 0], tests.rows.means(tests.measured.torque))
-    return np.max([row_rms(x, rows.moving) for x in each], axis=0)
 
 
 def _friction(estimate: Estimate, fact: JointFacts, unit: str, terms: float) -> Identifiable:
