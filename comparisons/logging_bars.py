@@ -42,10 +42,10 @@ def ten_minutes(folder: Path) -> None:
         log.pump(0.02)
     log.pump(0.0)
     log.close()
-    sent = parsed(made.protocol, b"", (folder / "sent.txt").read_bytes())
+    sent, *_ = parsed(made.protocol, b"", (folder / "sent.txt").read_bytes())
     columns = read_log(folder / "log.csv").columns
     logged = np.stack([columns[n] for n in ("time", "command", "current")], axis=1)
-    wanted = np.array(sent.rows, dtype=float) / [1e6, 1.0, 1.0]
+    wanted = np.array(sent, dtype=float) / [1e6, 1.0, 1.0]
     same = logged.shape == wanted.shape and bool((logged == wanted).all())
     print(
         f"{len(wanted)} undamaged lines of {LINES} sent, {log.counts.rejected} damaged, "

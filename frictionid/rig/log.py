@@ -211,28 +211,27 @@ class Logger:
             self._out.path.unlink(missing_ok=True)
 
     def _take(self, new: bytes) -> list[Cells]:
-        lines = parsed(self.rig.protocol, self._remainder, new)
-        self._remainder = lines.remainder
+        rows, rejected, self._remainder = parsed(self.rig.protocol, self._remainder, new)
         host = f"{self._zero + time.monotonic():.6f}"
-        self._out.append([log_row(self.rig, host, cells) for cells in lines.rows])
+        self._out.append([log_row(self.rig, host, cells) for cells in rows])
         counts = self.counts
         counts.size += len(new)
-        counts.rejected += len(lines.rejected)
-        self._bad.extend(lines.rejected)
+        counts.rejected += len(rejected)
+        self._bad.extend(rejected)
         before = counts.last
-        for cells in lines.rows:
+        for cells in rows:
             if before:
                 back = float(before[self._at]) - float(cells[self._at])
                 # a larger step back is a counter that wraps around
                 counts.restarts += 0 < back < self.rig.protocol.wrap / 2
             before = cells
         counts.last = before
-        counts.rows += len(lines.rows)
+        counts.rows += len(rows)
         hopeless = counts.rejected >= _MAX_REJECTED or counts.size >= _MAX_BYTES
         if hopeless and not counts.rows:
             bad = self._bad or [(self._remainder, "garbage")]
             raise InputError(f"port {self._name}: {diagnosis(self.rig.protocol, bad, counts.size)}")
-        return lines.rows
+        return rows
 
     def _begin(self) -> None:
         self._remainder = b""

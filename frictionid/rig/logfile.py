@@ -32,19 +32,10 @@ _CLOSE = 5.0  # [s] to which a counter that wraps around must agree with the hos
 _OUTLIER = 60.0  # [s]: a single time so far from both its neighbours is a damaged number
 
 
-class ClockRuns(NamedTuple):
-    """Runs of the controller's clock, from start to restart.
-
-    Attributes
-    ----------
-    time : array, shape (K,) [s], counters unwrapped within a run
-    number : integer array, shape (K,), of the run, from 0
-    kept : array of bool, shape (K,), false for rows whose time is damaged or repeated
-    """
-
-    time: Array
-    number: NDArray[np.int64]
-    kept: NDArray[np.bool_]
+# Runs of the controller's clock, from start to restart: time (K,) [s], counters unwrapped within a
+# run; number (K,) of the run, from 0; and which rows (K,) have a time that is neither damaged nor
+# repeated.
+ClockRuns = tuple[Array, NDArray[np.int64], NDArray[np.bool_]]
 
 
 def clock_runs(time: Array, host: Array, wrap: float) -> ClockRuns:
@@ -80,7 +71,7 @@ def clock_runs(time: Array, host: Array, wrap: float) -> ClockRuns:
     kept[index[repeated]] = False
     whole, numbers = time.copy(), np.zeros(len(time), dtype=np.int64)
     whole[index], numbers[index] = clock, number
-    return ClockRuns(whole, numbers, kept)
+    return whole, numbers, kept
 
 
 def unified_time(runs: ClockRuns, host: Array) -> tuple[Array, float]:
@@ -88,15 +79,16 @@ def unified_time(runs: ClockRuns, host: Array) -> tuple[Array, float]:
 
     Runs are joined by the host's clock, each by the line that arrived soonest after it was sent.
     """
-    time, uncertainty = runs.time.copy(), 0.0
+    clock, number, kept = runs
+    time, uncertainty = clock.copy(), 0.0
     first, delays = 0.0, []
-    for run in range(int(runs.number.max(initial=0)) + 1):
-        rows = (runs.number == run) & runs.kept
+    for run in range(int(number.max(initial=0)) + 1):
+        rows = (number == run) & kept
         if rows.any():
-            late = host[rows] - runs.time[rows]
+            late = host[rows] - clock[rows]
             soonest = float(late.min())
             first = soonest if run == 0 else first
-            time[runs.number == run] += soonest - first
+            time[number == run] += soonest - first
             delays.append(float(np.median(late) - soonest))
             uncertainty = max(delays) if run else 0.0
     return time, uncertainty
@@ -245,7 +237,7 @@ class Log(NamedTuple):
         """Usable rows on one controller time, its runs, and the uncertainty of their joints [s]."""
         runs = clock_runs(self.columns["time"], self.columns["host"], wrap)
         time, uncertainty = unified_time(runs, self.columns["host"])
-        kept = runs.kept.copy()
+        kept = runs[-1].copy()
         # runs joined by the host's clock may overlap
         latest = np.maximum.accumulate(np.where(kept, time, -np.inf))
         kept[1:] &= time[1:] > latest[:-1]

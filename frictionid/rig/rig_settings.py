@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import xor
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, Self
 
 from pydantic import PositiveInt, model_validator
 
@@ -52,7 +52,7 @@ class LineProtocol(Strict):
     >>> line = written(LineProtocol(checksum="crc16", mark="$"), ("1000", "0.05", "0.2"))
     >>> line
     b'$1000,0.05,0.2*DBC5\n'
-    >>> parsed(LineProtocol(checksum="crc16", mark="$"), b"", line).rows
+    >>> parsed(LineProtocol(checksum="crc16", mark="$"), b"", line)[0]
     [(b'1000', b'0.05', b'0.2')]
     """
 
@@ -95,21 +95,16 @@ Cells = tuple[bytes, ...]
 Rejected = tuple[bytes, str]
 
 
-class Parsed(NamedTuple):
-    """Content of some bytes: rows, rejected lines, and the begin of an unfinished line."""
-
-    rows: list[Cells]
-    rejected: list[Rejected]
-    remainder: bytes
-
-
-def parsed(form: LineProtocol, remainder: bytes, new: bytes) -> Parsed:
+def parsed(
+    form: LineProtocol, remainder: bytes, new: bytes
+) -> tuple[list[Cells], list[Rejected], bytes]:
     r"""Rows of new bytes of a stream, after the `remainder` of those before.
 
-    The rows do not depend on how the stream is cut into pieces.
+    With rejected lines, and the begin of an unfinished one. The rows do not depend on how the
+    stream is cut into pieces.
 
-    >>> parsed(LineProtocol(), b"", b"1,2,3\n4,x,6\n7,8").rejected
-    [(b'4,x,6', 'garbage')]
+    >>> parsed(LineProtocol(), b"", b"1,2,3\n4,x,6\n7,8")[1:]
+    ([(b'4,x,6', 'garbage')], b'7,8')
     """
     *lines, last = (remainder + new).split(b"\n")
     rows, rejected = [], []
@@ -119,7 +114,7 @@ def parsed(form: LineProtocol, remainder: bytes, new: bytes) -> Parsed:
             rows.append(cells)
         elif line.strip():
             rejected.append((line[-MAX_LINE:], fault))
-    return Parsed(rows, rejected, last[-MAX_LINE - 2 :])
+    return rows, rejected, last[-MAX_LINE - 2 :]
 
 
 def _cells(form: LineProtocol, line: bytes) -> tuple[Cells, str]:

@@ -128,7 +128,7 @@ class Controller:
         while True:
             broken = broken_line(line, self._generator)
             # some faults leave a line that reads as a good one
-            if not parsed(self._form, b"", broken + b"\n").rows:
+            if not parsed(self._form, b"", broken + b"\n")[0]:
                 return broken
 
     def obey(self, k: int, line: bytes) -> None:

@@ -13,7 +13,6 @@ from fixtures.simulated_films import (
     Film,
     Look,
     errors,
-    frames,
     marker,
     marker_setup_of,
     motion,
@@ -157,7 +156,7 @@ def test_a_proposal_finds_dots_pivot_and_links(seed):
         gradient=0.3,
     )
     film = replace(EASY, look=look, seed=seed)
-    shots = frames(taken(film, motion(150, seed=seed)))[::3]
+    shots = taken(film, motion(150, seed=seed))[::3]
     setup = propose(Pictures(shots, SMALL.size, 20.0))
     assert [m.name for m in setup.markers] == ["pivot", "elbow", "tip"]
     assert_allclose(setup.markers[0].at, SMALL.pivot, atol=3)
@@ -170,7 +169,7 @@ def test_a_proposal_tracks_and_gives_dots_of_one_colour_one_hue(tip):
     film = replace(EASY, look=Look(dots=((), RED, tip)))
     movement = motion(150, seed=2)
     shots = taken(film, movement)
-    setup = propose(Pictures(frames(shots)[::3], SMALL.size, 20.0))
+    setup = propose(Pictures(shots[::3], SMALL.size, 20.0))
     assert (setup.markers[1].hue == setup.markers[2].hue) == (tip == RED)
     e = errors(tracked(film, shots, setup), movement)
     assert np.abs(e - np.median(e, axis=0)).max() < 0.3

@@ -43,7 +43,7 @@ def sine(length=1.0, rate=200.0):
 def values(controller, k):
     """Time, command and torque of the k-th line."""
     made = controller.drive.rig
-    cells = [float(c) for c in parsed(made.protocol, b"", controller.line(k)).rows[0]]
+    cells = [float(c) for c in parsed(made.protocol, b"", controller.line(k))[0][0]]
     return cells[0] * 1e-6, cells[1], cells[2] * made.motors[0].per_measured
 
 

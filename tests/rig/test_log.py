@@ -82,13 +82,13 @@ def test_every_undamaged_line_once_and_in_order_through_three_disconnections(tmp
     log.pump(0.0)
     log.close()
     finished(drive)
-    sent = parsed(made.protocol, b"", (tmp_path / "sent.txt").read_bytes())
-    assert not sent.rejected
-    assert 0.985 * lines < len(sent.rows) < lines
+    sent, rejected, _ = parsed(made.protocol, b"", (tmp_path / "sent.txt").read_bytes())
+    assert not rejected
+    assert 0.985 * lines < len(sent) < lines
     logged = read_log(tmp_path / "log.csv").columns
     assert_array_equal(
         np.stack([logged[name] for name in ("time", "command", "current")], axis=1),
-        np.array(sent.rows, dtype=float) / [1e6, 1.0, 1.0],
+        np.array(sent, dtype=float) / [1e6, 1.0, 1.0],
     )
     assert log.counts.unplugged >= 3
     assert 0.005 * lines < log.counts.rejected < 0.02 * lines
@@ -140,8 +140,8 @@ def test_all_clock_runs_a_log_are_unified_that_only_goes_on():
     time = np.array([7.0, 8.0, 9.0, 0.0, 1.0, 2.0])
     host[:3] += 0.8
     log = Log("log.csv", {"host": host, "time": time, "torque": np.arange(6.0)})
-    rows, runs, _ = log.unified(4294.967296)
-    assert runs.number.tolist() == [0, 0, 0, 1, 1, 1]
+    rows, (_, number, _), _ = log.unified(4294.967296)
+    assert number.tolist() == [0, 0, 0, 1, 1, 1]
     assert np.all(np.diff(rows.columns["time"]) > 0)
     assert set(rows.columns["torque"]) >= {0.0, 1.0, 2.0, 4.0, 5.0}
 

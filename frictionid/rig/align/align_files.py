@@ -249,14 +249,15 @@ def _warnings(
     lost = len(seen.time) - len(angle.time)
     if lost:
         yield f"{lost} of {len(seen.time)} angles lie outside the log and are left out"
-    restarts = int(runs.number.max(initial=0))
+    _, number, kept = runs
+    restarts = int(number.max(initial=0))
     if restarts:
         advice = "" if uncertainty < _RUNS else ", which is too uncertain: log such motion again"
         yield (
             f"the controller restarted {restarts} times; its runs are joined by this computer's "
             f"clock to about {1e3 * uncertainty:.2g} ms{advice}"
         )
-    dropped = int((~runs.kept).sum())
+    dropped = int((~kept).sum())
     if dropped:
         yield f"{dropped} rows with damaged or repeated times are left out"
 

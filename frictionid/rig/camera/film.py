@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -14,7 +14,7 @@ from frictionid.errors import InputError, needs
 from frictionid.simulate.dataset_folder import settings_of
 
 from .scene import Image, Look, Scene, SyncLed, View, chain
-from .source import video_file
+from .source import Frame, video_file
 
 with needs("camera"):
     import cv2
@@ -86,16 +86,8 @@ def load_film(path: str | Path) -> Film:
     return settings_of(Film, read_toml(Path(path), "name a camera.toml"), str(path))
 
 
-class Shot(NamedTuple):
-    """A frame: middle of its exposure [s], its picture, and which markers (n + 1,) are occluded."""
-
-    time: float
-    image: Image
-    hidden: Array
-
-
-def shots(film: Film, motion: TrueMotion) -> Iterator[Shot]:
-    """Frames of a motion; the same for the same settings."""
+def shots(film: Film, motion: TrueMotion) -> Iterator[Frame]:
+    """Frames of a motion at the middles of their exposures; the same for the same settings."""
     rng = np.random.default_rng([film.seed, 7])
     scene = Scene(film.look, film.view, film.seed, film.sync_led)
     angle = CubicHermiteSpline(motion.angle.time, motion.angle.value, motion.velocity.value)
@@ -112,7 +104,7 @@ def shots(film: Film, motion: TrueMotion) -> Iterator[Shot]:
         lit = 0.0 if film.sync_led is None else film.sync_led.share(*within[[0, -1]].tolist())
         image = scene.picture(markers, lit)
         hidden = occlude(image, ends[1])
-        yield Shot(float(time), _noisy(image, bank, rng), hidden)
+        yield Frame(float(time), _noisy(image, bank, rng), hidden)
 
 
 def video_path(film: Film, stem: Path) -> Path:

@@ -6,7 +6,6 @@ centre of that circle; every other dot keeps its distance to the dot before it.
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -34,18 +33,6 @@ _COMPACT = 0.55  # least share of its bounding box that a dot fills
 _COLUMNS = ("frame", "x", "y", "area", "hue", "saturation", "value")
 
 
-class Circle(NamedTuple):
-    """Centre (2,), radius [px], the dots on it, one of a frame, and their share of all frames.
-
-    score : the share, less how far dots lie beside the circle
-    """
-
-    centre: Array
-    radius: float
-    dots: pd.DataFrame
-    score: float
-
-
 def propose(source: Source) -> MarkerSetup:
     """Marker setup by the first seconds of a video.
 
@@ -66,13 +53,13 @@ def propose(source: Source) -> MarkerSetup:
             "strong colours, light them better, or write rig.toml by hand"
         )
     circles = [_circle(group, len(pictures), np.array(source.size)) for group in moving]
-    first = max(circles, key=lambda circle: circle.score)
-    if first.score < _SEEN:
+    centre, radius, dots, score = max(circles, key=lambda circle: circle[-1])
+    if score < _SEEN:
         raise InputError(
             f"{source.name}: no dot moves on a circle in the first {_SECONDS:g} s; let the first "
             "link swing further there, or write rig.toml by hand"
         )
-    chain, pixels, used = [first.dots], [first.radius], first.dots.index
+    chain, pixels, used = [dots], [radius], dots.index
     while (child := _next(chain[-1], moving, used)) is not None:
         regions, length = child
         chain.append(regions.drop_duplicates("frame", keep="last"))
@@ -80,7 +67,7 @@ def propose(source: Source) -> MarkerSetup:
         used = used.append(regions.index)
     usual = {1: ["tip"], 2: ["elbow", "tip"]}
     names = usual.get(len(chain), [f"joint{k + 2}" for k in range(len(chain))])
-    markers = [_pivot(first.centre, groups)]
+    markers = [_pivot(centre, groups)]
     markers += [_marker(name, dots) for name, dots in zip(names, chain, strict=True)]
     markers = _merged_hues(markers)
     return MarkerSetup(markers=markers, links=Links(pixels=pixels))
@@ -138,8 +125,13 @@ def _moves(group: pd.DataFrame) -> bool:
     return bool(np.ptp(_places(group), axis=0).max() > 3 * radius)
 
 
-def _circle(group: pd.DataFrame, frames: int, size: Array) -> Circle:
-    """Best circle through random triples (RANSAC); its score is zero where there is none."""
+def _circle(
+    group: pd.DataFrame, frames: int, size: Array
+) -> tuple[Array, float, pd.DataFrame, float]:
+    """Centre and radius [px] of the best circle through random triples (RANSAC), and its dots.
+
+    And its score: share of the frames, less the mean distance; zero where there is none.
+    """
     rng = np.random.default_rng(0)
     places, frame = _places(group), group["frame"].to_numpy()
     best, score = np.zeros(len(places), dtype=bool), 0.0
@@ -155,11 +147,11 @@ def _circle(group: pd.DataFrame, frames: int, size: Array) -> Circle:
         if now > score:
             best, score = on, now
     if not best.any():
-        return Circle(np.zeros(2), 0.0, group[best], score)
+        return np.zeros(2), 0.0, group[best], score
     centre, radius = _fitted(places[best])
     off = _off(places, centre, radius)
     dots = group.iloc[np.argsort(off, kind="stable")[: (off < 3.0 + 0.03 * radius).sum()]]
-    return Circle(centre, radius, dots.drop_duplicates("frame"), score)
+    return centre, radius, dots.drop_duplicates("frame"), score
 
 
 def _off(places: Array, centre: Array, radius: float) -> Array:

@@ -33,10 +33,14 @@ _TICK = 1e-3  # [s] to which some containers round their time stamps
 
 
 class Frame(NamedTuple):
-    """A picture (height, width, 3), blue, green and red, and its time stamp [s]."""
+    """A picture (height, width, 3), blue, green and red, and its time stamp [s].
+
+    hidden (n + 1,) : which markers are occluded, of a simulated one
+    """
 
     time: float
     image: Image
+    hidden: NDArray[Any] | None = None
 
 
 @dataclass(frozen=True)
