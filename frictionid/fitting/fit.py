@@ -14,7 +14,7 @@ from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction, present
-from frictionid.friction.provenance import Bands, Diagnostics, Estimate, Estimates
+from frictionid.friction.provenance import Bands, Estimate, Estimates
 
 from .one_step.residual import Problem
 from .parameter_block import IDEAL, Parameter
@@ -145,7 +145,7 @@ class Fit:
 
     friction: Friction
     covariance: Covariance = Covariance()
-    diagnostics: Diagnostics | None = None
+    diagnostics: Estimates | None = None
     fitted: Friction | None = None
     folds: Friction | None = None
     problem: Problem | None = None
@@ -220,8 +220,8 @@ class Fit:
         unnamed = "friction" if friction.law.is_network else ""
         named = [k for k, p in enumerate(covariance.parameters) if p.block != unnamed]
         curve = np.stack([friction.curve(w[:, j])[:, j] for j in range(friction.n)], axis=-1)
-        return Estimates(
-            **vars(self.diagnostics),
+        return replace(
+            self.diagnostics or Estimates(),
             parameters=tuple(_estimates(covariance, dataset, named)),
             correlation=covariance.correlation[np.ix_(named, named)],
             covariance=covariance.matrix[np.ix_(named, named)],

@@ -145,8 +145,8 @@ class Bands(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnostics:
-    """How a fit by shooting or inverse dynamics went.
+class Estimates:
+    """Parameters that a fit by shooting or inverse dynamics estimated, and how it went.
 
     angle_noise, torque_noise : (n,) [rad] or [N m], noise of what is fitted, as residuals show it
     residuals : their size in the windows that count; None where torques are fitted
@@ -157,6 +157,10 @@ class Diagnostics:
     settled : whether no parameter moved any more; iterations : how many that took
     warnings : sentences on what makes the numbers doubtful as a whole
     dropped : blocks of sensors that were offered and left out, as they showed nothing
+    correlation, covariance : (D, D) of the D parameters, NaN and infinite where nothing is known
+    freedom : of the t distribution; clusters : recordings, or stretches, whose scatter was taken
+    singular_values : of the normal equations; undetermined : combinations of parameters, in words
+    driven : whether a motor pulled
     """
 
     angle_noise: Numbers = ()
@@ -170,18 +174,6 @@ class Diagnostics:
     iterations: int = 0
     warnings: tuple[str, ...] = ()
     dropped: tuple[Dropped, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Estimates(Diagnostics):
-    """Parameters that a fit by shooting or inverse dynamics estimated, and how it went.
-
-    correlation, covariance : (D, D) of the D parameters, NaN and infinite where nothing is known
-    freedom : of the t distribution; clusters : recordings, or stretches, whose scatter was taken
-    singular_values : of the normal equations; undetermined : combinations of parameters, in words
-    driven : whether a motor pulled
-    """
-
     parameters: tuple[Estimate, ...] = ()
     correlation: Numbers = ()
     covariance: Numbers = ()

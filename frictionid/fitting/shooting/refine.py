@@ -13,7 +13,7 @@ from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction
 from frictionid.friction.laws.levels import LOAD
-from frictionid.friction.provenance import Diagnostics, Residuals, Segment
+from frictionid.friction.provenance import Estimates, Residuals, Segment
 
 from ..covariance import least_significant, without_shared
 from ..fit import Covariance, Fit
@@ -217,14 +217,14 @@ def _with_held(covariance: Covariance, stage: Stage) -> Covariance:
     return with_held(covariance, held, bound, wider.problem.parameters, H)
 
 
-def _diagnostics(stage: Stage, limits: tuple[str, ...]) -> Diagnostics:
+def _diagnostics(stage: Stage, limits: tuple[str, ...]) -> Estimates:
     solution = stage.solution
     share = solution.share[..., None] * np.ones_like(solution.residual)
     square = (solution.residual / solution.sigma) ** 2 * share
     size = np.sqrt(square.sum(axis=(1, 2)) / np.maximum(share.sum(axis=(1, 2)), 1e-12))
     far = size > _UNEXPLAINED
     odd = odd_recordings(solution)
-    return Diagnostics(
+    return Estimates(
         angle_noise=solution.sigma,
         residuals=_residuals(solution, solution.closed & ~far),
         windows=len(solution.windows),

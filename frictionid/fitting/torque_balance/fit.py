@@ -13,7 +13,7 @@ from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction, Inputs, Law, along, constraints_of
 from frictionid.friction.coordinates import is_coupled_by_load, with_units_of
 from frictionid.friction.laws import NoFriction
-from frictionid.friction.provenance import Diagnostics, Dropped
+from frictionid.friction.provenance import Dropped, Estimates
 
 from ..covariance import least_significant
 from ..fit import Covariance, Fit
@@ -200,7 +200,7 @@ def _result(solution: TorqueSolution, law: Law, dropped: tuple[Dropped, ...]) ->
     return Fit(
         friction,
         _with_held(_local_cost(solution).covariance, solution),
-        Diagnostics(
+        Estimates(
             torque_noise=solution.sigma[: estimate.mechanism.n],
             windows=int(solution.problem.balance.use.sum()),
             settled=solution.converged,
