@@ -176,7 +176,7 @@ def memory_rates(now: Instant, free: FreeTheta, dt: Array) -> MemoryRates | None
     of_w = by_input(lambda x: later(theta, x, state.memory), x, "w")
     of_memory = np.stack(by_memory(lambda z: later(theta, x, z), state.memory), axis=1)
     of_theta = by_theta(theta, free, lambda t: later(t, x, state.memory), None, 0.0 * x.w)
-    return MemoryRates(
+    return (
         np.moveaxis(of_memory, 2, 0),
         np.moveaxis(of_w, 1, 0),
         free.of_parts(

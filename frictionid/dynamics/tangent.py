@@ -139,16 +139,9 @@ def advance_in_halves(advance: Advance, rows: Array, motor: MotorTorque, part: A
 # --- A substep ------------------------------------------------------------------------------------
 
 
-class MemoryRates(NamedTuple):
-    """How e entries of memory after some time change with those before it, velocities, and theta.
-
-    Of a part's own: by_memory (..., e, e, m), by_w (..., e, m), by_theta (..., e, m, F) of F free
-    entries of theta
-    """
-
-    by_memory: Array
-    by_w: Array
-    by_theta: Array
+# How e entries of memory after some time change with those before it (..., e, e, m), a part's own
+# velocity (..., e, m), and F free entries of theta (..., e, m, F).
+MemoryRates = tuple[Array, Array, Array]
 
 
 class Linear(NamedTuple):
@@ -279,13 +272,14 @@ def _later(memory: Array, w: Array, rates: MemoryRates | None, turns: Array | No
     """Derivatives (..., e m, D) of the memory after the time of the rates."""
     if rates is None:
         return memory
+    by_memory, by_w, by_theta = rates
     *batch, rows, D = memory.shape
-    entries, F = _entries(memory, rates.by_w.shape[-2]), rates.by_theta.shape[-1]
+    entries, F = _entries(memory, by_w.shape[-2]), by_theta.shape[-1]
     ahead = np.zeros((*entries.shape[:-1], 2 * w.shape[-2] + rows))
     behind = np.zeros((*entries.shape[:-1], D - ahead.shape[-1] - F))
-    forcing = np.concatenate([ahead, rates.by_theta, behind], axis=-1)
-    out = rates.by_w[..., None] * of_all_parts(w, turns)[..., None, :, :] + forcing
-    out = out + (rates.by_memory[..., None] * entries[..., None, :, :, :]).sum(axis=-3)
+    forcing = np.concatenate([ahead, by_theta, behind], axis=-1)
+    out = by_w[..., None] * of_all_parts(w, turns)[..., None, :, :] + forcing
+    out = out + (by_memory[..., None] * entries[..., None, :, :, :]).sum(axis=-3)
     return out.reshape(*batch, rows, D)
 
 

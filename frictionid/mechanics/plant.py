@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -116,17 +116,6 @@ def base_by_rotors(mechanism: Mechanism, parameters: Mapping[str, float]) -> dic
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)
 
 
-class Balance(NamedTuple):
-    """Terms of the balance without input and friction, (..., K, n) each.
-
-    start, end : M0 w0 and M1 w1 [N m s] ; force : mean of dL/dq [N m]
-    """
-
-    start: Array
-    end: Array
-    force: Array
-
-
 def with_midpoints(time: Array, q: Array, w: Array) -> tuple[Array, Array, Array]:
     """Time (2K + 1,), q and w (2K + 1, n) of K + 1 samples with the midpoints between them.
 
@@ -188,8 +177,10 @@ def _as_slice(index: Array) -> Any:
     return slice(int(index[0]), int(index[-1]) + 1, step) if even else index
 
 
-def momentum_balance(terms: Terms, stencil: Array) -> Balance:
-    """Balance over K intervals of the terms of the equations of motion along the nodes.
+def momentum_balance(terms: Terms, stencil: Array) -> tuple[Array, Array, Array]:
+    """Balance over K intervals of the terms along the nodes, without input and friction.
+
+    Its start and end M0 w0 and M1 w1 [N m s], and its force, the mean of dL/dq [N m]; (..., K, n).
 
     Parameters
     ----------
@@ -199,7 +190,7 @@ def momentum_balance(terms: Terms, stencil: Array) -> Balance:
     start, middle, end = stencil.T
     f = terms.dLdq
     force = (f[..., start, :] + 4 * f[..., middle, :] + f[..., end, :]) / 6
-    return Balance(terms.momentum[..., start, :], terms.momentum[..., end, :], force)
+    return terms.momentum[..., start, :], terms.momentum[..., end, :], force
 
 
 def with_base_motion(p: Array, motion: Array | None) -> Array:

@@ -18,7 +18,6 @@ from frictionid.programs.trace import without_zeros
 from ..law_derivatives import FreeTheta, Slopes
 from ..state import State
 from ..tangent import (
-    MemoryRates,
     MotionModel,
     advanced,
     at_break_away,
@@ -292,7 +291,7 @@ class TangentRow:
         if e:
             of_theta = self.free_theta.of_parts(x.memory_by_theta.reshape(e, len(self.free)), m)
             by_z, by_v = x.memory_by_z.reshape(e, e, m), x.memory_by_v.reshape(e, m)
-            rates = MemoryRates(by_z, by_v, of_theta)
+            rates = by_z, by_v, of_theta
         M, by_q, by_w = (y.reshape(n, n) for y in (x.M, x.partial_q, x.partial_w))
         partials = Partials(by_q, by_w, x.partial_p.reshape(n, -1))
         motors = self.row.mechanism.motors

@@ -231,12 +231,12 @@ def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Rows:
     at, q, w = with_midpoints(*states.motion)
     plant = on_recorded_base(plant, recording, at)
     terms = plant.terms(q, w)
-    balance = momentum_balance(terms, interval_stencil(len(states.time)))
+    begin, end, force = momentum_balance(terms, interval_stencil(len(states.time)))
     u = averages(recording.torque, states.time)
-    M1, force = terms.M[2::2], balance.force + times(terms.B, u)
-    impulse = balance.start + force * dt[:, None]
+    M1, force = terms.M[2::2], force + times(terms.B, u)
+    impulse = begin + force * dt[:, None]
     if plant.mechanism.floating:  # momentum at the end by a base that turns
-        impulse -= balance.end - times(M1, states.w[1:])
+        impulse -= end - times(M1, states.w[1:])
     r = solve(M1, impulse) - states.w[1:]
     # friction at a sample sees the torque logged there, not the mean of the next interval
     torque = interleaved(sample(recording.torque, states.time), u)

@@ -119,10 +119,10 @@ def _balances(plant: Plant, recording: Recording, states: States) -> Array:
     """Balances p (K, n) [N m] of the intervals between the states."""
     at, q, w = with_midpoints(*states.motion)
     terms = on_recorded_base(plant, recording, at).terms(q, w)
-    balance = momentum_balance(terms, interval_stencil(len(states.time)))
+    start, end, force = momentum_balance(terms, interval_stencil(len(states.time)))
     dt = np.diff(states.time)[:, None]
     u = averages(recording.torque, states.time)
-    return (balance.end - balance.start) / dt - balance.force - u
+    return (end - start) / dt - force - u
 
 
 def _without_friction(balances: list[Array], speeds: list[Array]) -> tuple[float, list[Array]]:
