@@ -25,7 +25,6 @@ from ..identifier import Identifier
 from ..one_step.residual import Problem, normalised
 from .network_training import (
     Adam,
-    EarlyStopping,
     Share,
     batches,
     check_compiler,
@@ -149,6 +148,8 @@ class Network(Identifier):
     ) -> tuple[Array, Array]:
         """Parameters (F, n, P) at the lowest held-out costs, and costs (2, F, E) of the epochs.
 
+        A fold stops after `patience` epochs without a lower cost, and keeps what it has then.
+
         training, held : weights (F, K) of the rows that are fitted and of those that are held out
         """
         with needs("networks"):
@@ -164,8 +165,8 @@ class Network(Identifier):
         cost = compiled(fitted.cost) if self.compile else fitted.cost
         theta = stack.tensor(stack.theta).requires_grad_()
         adam = Adam(theta, stack.tensor(is_learned(stack.law)))
-        stopping = EarlyStopping(theta.detach(), self.patience)
-        costs = []
+        best, since = theta.detach().clone(), stack.tensor(np.zeros(len(stack.theta)))
+        lowest, costs = since + math.inf, []
         for epoch in range(self.epochs):
             rates = [self._rate(epoch + step / steps) for step in range(steps)]
             each = (adam.step(cost(theta, stack.tensor(next(draws))), rate) for rate in rates)
@@ -173,10 +174,14 @@ class Network(Identifier):
             with torch.no_grad():
                 after = held_out_set.cost(theta, held_items)
             costs.append(torch.stack([during, after]).cpu().numpy())
-            stopping.update(theta.detach(), after)
-            if stopping.stopped:
+            running = since < self.patience
+            better = running & (after < lowest)
+            best[better] = theta.detach()[better]
+            lowest = after.where(better, lowest)
+            since = (since + running) * ~better
+            if bool((since >= self.patience).all()):
                 break
-        return stopping.theta.cpu().numpy(), np.stack(costs, axis=-1)
+        return best.cpu().numpy(), np.stack(costs, axis=-1)
 
     def _rate(self, epoch: float) -> float:
         """Learning rate: a cosine from the first rate to zero."""

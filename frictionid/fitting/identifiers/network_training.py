@@ -4,7 +4,6 @@ A fold's rows alone decide, together with the seed: so it is the same alone and 
 Recordings held out inside each training fold say when its cost was lowest.
 """
 
-import math
 import os
 import shutil
 import sys
@@ -27,31 +26,6 @@ _FEW = 4  # recordings of a fold: fewer are divided into pieces
 _PIECES = 8
 
 Share = Annotated[float, Field(gt=0, le=0.5)]  # of a fold's weight that is held out
-
-
-class EarlyStopping:
-    """Parameters (F, n, P) of each fold at its lowest held-out cost so far.
-
-    A fold stops after `patience` updates without a lower cost, and keeps what it has from then on.
-    """
-
-    def __init__(self, theta: Any, patience: int):
-        self.theta, self.patience = theta.clone(), patience
-        self.cost = theta[:, 0, 0] * 0.0 + math.inf
-        self.updates_since = theta[:, 0, 0] * 0.0
-
-    def update(self, theta: Any, cost: Any) -> None:
-        """Take the parameters of the folds whose cost (F,) is lower than before."""
-        running = self.updates_since < self.patience
-        better = running & (cost < self.cost)
-        self.theta[better] = theta[better]
-        self.cost = cost.where(better, self.cost)
-        self.updates_since = (self.updates_since + running) * ~better
-
-    @property
-    def stopped(self) -> bool:
-        """Whether all folds have stopped."""
-        return bool((self.updates_since >= self.patience).all())
 
 
 def held_out(problem: Problem, weights: Array, share: float, seed: Any) -> Array:
