@@ -12,7 +12,7 @@ of it works on Gram matrices, one for each recording.
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import field
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -66,6 +66,9 @@ _HALF = 0.5
 _FASTER = 0.98  # quantile of the speeds that must reach where a peak has fallen off
 _NO_COLUMN = 1e-12  # of the longest column
 
+# Of a fold: Gram matrices (C, N + 1, N + 1) of the clusters with columns of length one, lengths
+# (N,) of the candidates' columns before, relative to that of the residual, and what sets may hold.
+_Fold = tuple[Array, Array, Constraints]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -114,17 +117,17 @@ class SINDy(Identifier):
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         n, P = problem.r.shape[-1], len(self.library.names)
         theta, share = np.zeros((len(weights), n * P)), np.zeros(0)
-        for f, fold in enumerate(self._folds(problem, weights)):
+        for f, (G, scale, constraints) in enumerate(self._folds(problem, weights)):
             if self.ensemble:
-                share = self._inclusion(fold, seed, self.ensemble)
+                share = self._inclusion(G, constraints, seed, self.ensemble)
                 # columns of families that at least half of the draws have
-                often = np.where(fold.constraints.conflict @ share >= _HALF, share, 0.0)
-                active = admissible(often, fold.G.sum(0), fold.constraints)
+                often = np.where(constraints.conflict @ share >= _HALF, share, 0.0)
+                active = admissible(often, G.sum(0), constraints)
             else:
-                active = self._active_set(fold)
+                active = self._active_set(G, constraints)
             if active:
                 S = np.array(active)
-                theta[f, S] = best_fits(fold.G.sum(0), S[None])[1][0] / fold.scale[S]
+                theta[f, S] = best_fits(G.sum(0), S[None])[1][0] / scale[S]
         friction = Friction(self.library, theta.reshape(len(weights), n, P))
         if not self.ensemble:
             return friction
@@ -133,10 +136,10 @@ class SINDy(Identifier):
     def inclusion(self, problem: Problem, weights: Array, seed: int, draws: int = 50) -> Array:
         """Share (F, n, P) of draws of the recordings in whose active set each candidate is."""
         folds = self._folds(problem, weights)
-        shares = [self._inclusion(fold, seed, draws) for fold in folds]
+        shares = [self._inclusion(G, limits, seed, draws) for G, _, limits in folds]
         return np.stack(shares).reshape(len(weights), problem.r.shape[-1], -1)
 
-    def _folds(self, problem: Problem, weights: Array) -> "Iterator[_Fold]":
+    def _folds(self, problem: Problem, weights: Array) -> Iterator[_Fold]:
         A = columns(self.library, problem)
         n, candidates = problem.r.shape[-1], self.library.candidates
         speed = np.abs(problem.mean(problem.nodes.inputs.w)) * np.abs(problem.G).any(axis=1)
@@ -155,26 +158,26 @@ class SINDy(Identifier):
             if not usable.any():
                 raise InputError(f"no joint slides in the rows of fold {f}: give other recordings")
             scale = length[:-1] / (length[-1] or 1.0)
-            yield _Fold(G, scale, constraints._replace(usable=usable))
+            yield G, scale, constraints._replace(usable=usable)
 
-    def _active_set(self, fold: "_Fold") -> tuple[int, ...]:
+    def _active_set(self, G: Array, constraints: Constraints) -> tuple[int, ...]:
         """Columns of the active set that is selected of those proposed and searched."""
-        T = fold.G.sum(0)
+        T = G.sum(0)
         coefficients = proposed_coefficients(T, map(self._optimizer, self.thresholds))
-        proposals = [admissible(c, T, fold.constraints) for c in coefficients]
+        proposals = [admissible(c, T, constraints) for c in coefficients]
         if self.search_sets:
-            return search(fold.G, fold.constraints, proposals, self.n_standard_errors)
-        sets = best_proposals(T, fold.constraints, proposals)
-        return selected(fold.G, sets, self.n_standard_errors)
+            return search(G, constraints, proposals, self.n_standard_errors)
+        sets = best_proposals(T, constraints, proposals)
+        return selected(G, sets, self.n_standard_errors)
 
-    def _inclusion(self, fold: "_Fold", seed: int, draws: int) -> Array:
+    def _inclusion(self, G: Array, constraints: Constraints, seed: int, draws: int) -> Array:
         """Share (N,) of draws of the clusters, with replacement, whose active set has a column."""
-        count = np.zeros(len(fold.scale))
-        present = np.flatnonzero(np.einsum("cii->c", fold.G) > 0)
+        count = np.zeros(G.shape[-1] - 1)
+        present = np.flatnonzero(np.einsum("cii->c", G) > 0)
         for draw in range(draws):
             drawn = np.random.default_rng([seed, draw]).choice(present, len(present))
-            times = np.bincount(drawn, minlength=len(fold.G))
-            count[list(self._active_set(fold._replace(G=fold.G * times[:, None, None])))] += 1
+            times = np.bincount(drawn, minlength=len(G))
+            count[list(self._active_set(G * times[:, None, None], constraints))] += 1
         return count / draws
 
     def _inclusion_lines(self, share: Array) -> list[str]:
@@ -194,17 +197,6 @@ class SINDy(Identifier):
             return STLSQ(threshold=threshold, alpha=self.ridge, unbias=False)
         weight = SR3.calculate_l0_weight(threshold, 1.0)
         return SR3(reg_weight_lam=weight, regularizer="l0", relax_coeff_nu=1.0, unbias=False)
-
-
-class _Fold(NamedTuple):
-    """Gram matrices G (C, N + 1, N + 1) of the clusters, with columns of length one.
-
-    scale : (N,) lengths of the candidates' columns before, relative to that of the residual
-    """
-
-    G: Array
-    scale: Array
-    constraints: Constraints
 
 
 _NO_MONOMIAL = 1e-9  # of the longest column

@@ -262,8 +262,8 @@ def test_problems_without_motion_are_refused():
 
 def gram_matrices(problem):
     """Gram matrices of one fold as SINDy sees them, and its constraints."""
-    fold = next(SINDy()._folds(problem, everything(problem)))
-    return fold.G, fold.constraints
+    G, _, constraints = next(SINDy()._folds(problem, everything(problem)))
+    return G, constraints
 
 
 def test_the_search_finds_the_best_of_all_sets_of_a_joint():
