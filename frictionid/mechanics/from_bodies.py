@@ -94,18 +94,13 @@ def from_bodies(
     return SymbolicMechanism.from_description(replace(described, base=tuple(derived)))
 
 
-class _Part(NamedTuple):
-    """A coefficient of the Lagrangian: without its number, its unit, whether of kinetic energy."""
+def _parts(d: Description) -> Iterator[Base]:
+    """Coefficients of the Lagrangian without their numbers: kinetic ones first, short ones first.
 
-    expression: sp.Expr
-    unit: str
-    kinetic: bool
-
-
-def _parts(d: Description) -> Iterator[_Part]:
-    """Coefficients of the Lagrangian: kinetic ones first, short ones first."""
+    They are named after what they belong to, "inertia" or "potential".
+    """
     symbols = set(d.symbols)
-    for kinetic, energy in zip((True, False), energies(d), strict=True):
+    for name, energy in zip(("inertia", "potential"), energies(d), strict=True):
         coefficients = by_motion(energy, d)
         for motion, coefficient in sorted(
             coefficients.items(), key=lambda x: (len(x[1].args), str(x))
@@ -116,22 +111,22 @@ def _parts(d: Description) -> Iterator[_Part]:
                     "where no regrouping makes the equations linear in it: write the number"
                 )
             if motion.free_symbols and coefficient != 0:
-                yield _Part(_without_number(coefficient), _unit(motion, d), kinetic)
+                yield Base(name, _without_number(coefficient), _unit(motion, d))
 
 
-def _derived(parts: Sequence[_Part]) -> Iterator[Base]:
+def _derived(parts: Sequence[Base]) -> Iterator[Base]:
     """Base parameters: the first coefficients of which none is a combination of others."""
-    chosen: list[_Part] = []
+    chosen: list[Base] = []
     for part in parts:
         if combination(part.expression, [c.expression for c in chosen]) is None:
             chosen.append(part)
     for k, part in enumerate(chosen):
         text = str(part.expression).replace("**", "^").replace(" ", "")
-        long = f"{'inertia' if part.kinetic else 'potential'}_{k + 1}"
-        yield Base(text if len(text) <= _LONGEST else long, part.expression, part.unit)
+        long = f"{part.name}_{k + 1}"
+        yield part._replace(name=text if len(text) <= _LONGEST else long)
 
 
-def _named(base: Mapping[str, Expression], parts: Sequence[_Part]) -> Iterator[Base]:
+def _named(base: Mapping[str, Expression], parts: Sequence[Base]) -> Iterator[Base]:
     """Base parameters of given names, with the units that their coefficients have."""
     for name, text in base.items():
         expression = sp.expand(_plain(text))
