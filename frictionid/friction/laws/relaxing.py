@@ -34,30 +34,6 @@ _LAG = LawParameter("lag", "s", 1e-3, 1.0, (0.01, 0.06), stepwise=True, size=0.0
 _TINY = 1e-12  # no division by zero where there is no friction, or no motion
 
 
-def bristle_relaxation(w: Array, steady: Array, dt: Array) -> tuple[Array, Array]:
-    """Where bristles bend at the velocity w, and the share of the way that is left after dt.
-
-    The exact solution: it neither overshoots nor limits the step.
-
-    >>> import numpy as np
-    >>> target, left = bristle_relaxation(np.array([1.0]), np.array([0.01]), np.array([0.01]))
-    >>> target, left.round(3)
-    (array([0.01]), array([0.368]))
-    """
-    xp = namespace(w, steady)
-    return xp.sign(w) * steady, xp.exp(-xp.abs(w) * dt / steady)
-
-
-def bristle_rate(z: Array, w: Array, steady: Array) -> Array:
-    """dz/dt at the velocity w [rad/s].
-
-    >>> import numpy as np
-    >>> bristle_rate(np.array([0.0, 0.01]), np.array([1.0, 1.0]), np.array([0.01, 0.01]))
-    array([1., 0.])
-    """
-    return w - namespace(w).abs(w) * z / steady
-
-
 @dataclass(frozen=True)
 class BristleLaw(Law):
     """A law whose memory is the bend z [rad] of bristles, which hold a joint at rest.
@@ -78,7 +54,9 @@ class BristleLaw(Law):
         return (self.steady(theta, x.w) * self.sign(x.w),)
 
     def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array]:
-        return bristle_relaxation(x.w, self.steady(theta, x.w), dt)
+        # the exact solution: it neither overshoots nor limits the step
+        steady, xp = self.steady(theta, x.w), namespace(theta, x.w)
+        return xp.sign(x.w) * steady, xp.exp(-xp.abs(x.w) * dt / steady)
 
     def sharpened(self) -> Law:
         """The law itself: its smoothing says how the bristles start, they hold the joint."""
@@ -149,7 +127,7 @@ class LuGre(BristleLaw):
         speed = xp.maximum(xp.abs(w), self.width + 0.0 * w)
         damping = xp.minimum(fading, 4.0 * self.level.at(theta, w, w) / speed)
         stiffness = self.level.mean_at_rest(theta) / theta[..., -3]
-        rate = bristle_rate(z, w, self.steady(theta, w))
+        rate = w - xp.abs(w) * z / self.steady(theta, w)
         return stiffness * z + damping * rate + theta[..., -4] * w
 
     def steady(self, theta: Array, w: Array) -> Array:
