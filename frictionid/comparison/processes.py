@@ -71,7 +71,9 @@ def _blocked(number: signal.Signals) -> Iterator[None]:
 
 
 def _in_worker(parent: int, index: int, places: Sequence[str], content: bytes) -> tuple[int, Any]:
-    _end_with(parent)
+    # one that was killed cannot end its workers
+    if all(thread.name != "end-with-parent" for thread in threading.enumerate()):
+        threading.Thread(target=_watch, args=(parent,), name="end-with-parent", daemon=True).start()
     # PyTorch that a later task loads is no memory leak, for which the worker would be replaced
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
     one_torch_thread()
@@ -81,13 +83,8 @@ def _in_worker(parent: int, index: int, places: Sequence[str], content: bytes) -
     return index, work(*call)
 
 
-def _end_with(parent: int) -> None:
-    """End this worker when the comparison ends: one that was killed cannot tell its workers."""
-    if all(thread.name != "end-with-parent" for thread in threading.enumerate()):
-        threading.Thread(target=_watch, args=(parent,), name="end-with-parent", daemon=True).start()
-
-
 def _watch(parent: int) -> None:
+    """End this worker when the comparison ends."""
     while os.getppid() == parent:
         time.sleep(0.3)
     os._exit(1)

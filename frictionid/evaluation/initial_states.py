@@ -353,16 +353,13 @@ def estimate_initial_states(
     near &= gap < 10.0 * preceding.sigma.max()
     for entry in (end.q, end.w, *end.memory):
         near &= np.isfinite(entry).all(-1)
-    state = State(initial.q.copy(), initial.w.copy(), _memory(plant, friction, initial))
+    zero = 0.0 * initial.q
+    x = at_places(plant.mechanism, Inputs(initial.q, initial.w, zero, zero))
+    first = friction.law.start(friction.theta, x)
+    memory = (np.array(np.broadcast_to(z, x.q.shape)) for z in first)
+    state = State(initial.q.copy(), initial.w.copy(), tuple(memory))
     good = np.flatnonzero(preceded)[near]
     pairs = zip((state.q, state.w, *state.memory), (end.q, end.w, *end.memory), strict=True)
     for whole, entry in pairs:
         whole[good] = entry[near]
     return state
-
-
-def _memory(plant: Plant, friction: Friction, initial: InitialStates) -> tuple[Array, ...]:
-    zero = 0.0 * initial.q
-    x = at_places(plant.mechanism, Inputs(initial.q, initial.w, zero, zero))
-    first = friction.law.start(friction.theta, x)
-    return tuple(np.array(np.broadcast_to(z, x.q.shape)) for z in first)

@@ -351,7 +351,9 @@ def odd_among(sizes: Array, names: Sequence[str]) -> tuple[OddRecording, ...]:
         scale = max(float(rest.std(ddof=1)), 1e-9) * np.sqrt(1.0 + 1.0 / len(rest))
         off = (x[:k] - rest.mean()) / scale
         tail = np.maximum(stdtr(len(rest) - 1, -off), 1e-300)
-        p = np.exp(np.minimum(0.0, np.log(tail) + _log_choices(count, k)))
+        # of the number of choices of k out of so many: of thousands it is no float
+        choices = lgamma(count + 1) - lgamma(k + 1) - lgamma(count - k + 1)
+        p = np.exp(np.minimum(0.0, np.log(tail) + choices))
         usual = float(np.exp(rest.mean()))
         if p[k - 1] < _CLEAR and sizes[order[k - 1]] > _WORTH * usual:
             return tuple(
@@ -359,15 +361,6 @@ def odd_among(sizes: Array, names: Sequence[str]) -> tuple[OddRecording, ...]:
                 for i, p_value in zip(order[:k], p, strict=True)
             )
     return ()
-
-
-def _log_choices(count: int, k: int) -> float:
-    """Logarithm of the number of choices of k out of so many: of thousands it is no float.
-
-    >>> round(np.exp(_log_choices(5, 2)))
-    10
-    """
-    return lgamma(count + 1) - lgamma(k + 1) - lgamma(count - k + 1)
 
 
 def odd_sentences(odd: Sequence[OddRecording]) -> tuple[str, ...]:

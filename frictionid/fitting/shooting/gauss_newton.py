@@ -93,12 +93,15 @@ def solve(
         stage is left then, from its states, and of the same windows without those that it left out
         for good; by default the fit begins with the smoothed motion
     """
-    settings, leading, solution = problem.settings, _leading(problem), None
+    settings, solution = problem.settings, None
     lengths = settings.windows if settings.growing else settings.windows[-1:]
     stages = [(lengths[-1], problem)]
     if ended is None:
         nodes, sigma, total = problem.initial_nodes(estimate), _initial_noise(problem, use), 0
         memory = estimate.friction.law.has_memory
+        few, near = min(settings.iterations, _LEADING), max(settings.tolerance, _NEAR)
+        looser = replace(settings, iterations=few, tolerance=near, fine=_COARSE * settings.fine)
+        leading = replace(problem, settings=looser)
         short = leading.without_shapes(estimate) if memory else leading
         stages = [(s, short) for s in lengths[:-1]] + [(lengths[-1], leading), *stages]
     else:
@@ -134,14 +137,6 @@ def step_with_windows(solution: Solution, seconds: float) -> Solution:
     estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     point = linearised_at(problem, windows, estimate, nodes, sigma)
     return _next_step(problem, point, sigma, _DAMPING[0], 1.0).solution
-
-
-def _leading(problem: ShootingProblem) -> ShootingProblem:
-    """The problem with looser settings, for the stages before the last one."""
-    s = problem.settings
-    few, near = min(s.iterations, _LEADING), max(s.tolerance, _NEAR)
-    settings = replace(s, iterations=few, tolerance=near, fine=_COARSE * s.fine)
-    return replace(problem, settings=settings)
 
 
 def _initial_noise(problem: ShootingProblem, use: Array) -> Array:

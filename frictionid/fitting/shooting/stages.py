@@ -246,11 +246,9 @@ def _falls(stage: Stage, estimate: Estimate, velocities: Array) -> Array:
 
 def with_neutral(stage: Stage) -> Stage:
     """The stage with parameters held that the data do not tell."""
-
-    def holding(stage: Stage, several: tuple[Unknown, ...]) -> Stage | None:
-        return _without(stage, (several, ()))
-
-    stage, tried = holding_unknown(stage, _local_cost, holding, stage.tried)
+    stage, tried = holding_unknown(
+        stage, _local_cost, lambda rest, several: _without(rest, (several, ())), stage.tried
+    )
     return stage._replace(tried=tried)
 
 
