@@ -191,63 +191,75 @@ class CompressedNetwork(Identifier):
 
     def _posterior_mode(self, squares: Compressed, initial: Array, deviation: float) -> Array:
         """Parameters (n, P) of the highest posterior under a prior about the initial ones."""
-        law, speeds, precision = self.law, squares.speeds, _precision(squares)
-
-        def at(theta: Array) -> _Point:
-            torque = _torque(law, theta, speeds)
-            gradient = law.with_width(_SHARP).gradient(theta, _inputs(speeds))
-            jacobian = np.swapaxes(gradient, 0, 1) * is_learned(law)
-            distance = (theta - initial) / deviation
-            cost = precision * squares.cost(torque) + float((distance**2).sum())
-            return theta, torque, jacobian, cost
-
-        point, damping = at(initial), 1.0
+        posterior = _Posterior(self.law, squares, initial, deviation, _precision(squares))
+        point, damping = posterior.at(initial), 1.0
         for _ in range(self.iterations):
-            tried = at(_stepped(squares, point[:3], initial, deviation, precision, damping))
-            better, gain = tried[-1] < point[-1], 1.0 - tried[-1] / point[-1]
+            tried = posterior.at(posterior.stepped(point, damping))
+            better, gain = tried.cost < point.cost, 1.0 - tried.cost / point.cost
             damping = min(max(damping * (0.2 if better else 5.0), _DAMPING[0]), _DAMPING[1])
             point = tried if better else point
             if gain < self.tolerance if better else damping >= _DAMPING[1]:
                 break
-        return point[0]
+        return point.theta
 
 
-# Parameters (n, P), torques (n, V) at the node speeds, their Jacobian (n, V, P), which is zero for
-# parameters that are not learned, and cost.
-_Point = tuple[Array, Array, Array, float]
+class _Point(NamedTuple):
+    """Parameters (n, P), torques (n, V) at the node speeds, their Jacobian (n, V, P), and cost.
 
-
-def _stepped(
-    squares: Compressed,
-    point: tuple[Array, Array, Array],
-    mean: Array,
-    deviation: float,
-    precision: float,
-    damping: float,
-) -> Array:
-    """Parameters (n, P) after a damped Gauss-Newton step d, under a prior about their mean.
-
-    With the torques T at the node speeds and their Jacobian J, the prior's h = 1 / deviation^2,
-    the precision p and the damping l, the normal equations
-
-        (h (1 + l) I + p J'A J) d = h (mean - theta) + p J'(b - A T)
-
-    are solved for the change u = J d of the torques (Woodbury identity): with
-    s = 1 / (h (1 + l)), d0 = s h (mean - theta) and K = s p J J',
-
-        (I + K A) u = J d0 + K (b - A T),   d = d0 + s p J'(b - A T - A u)
+    The Jacobian is zero for parameters that are not learned.
     """
-    theta, torque, jacobian = point
-    (n, V, _), A = jacobian.shape, squares.A
-    h = 1.0 / deviation**2
-    s = 1.0 / (h * (1.0 + damping))
-    d0 = (mean - theta) * (h * s)
-    K = block_diag(*(J @ J.T for J in jacobian)) * (precision * s)
-    pull = squares.b - A @ torque.ravel()
-    right = (jacobian @ d0[..., None]).ravel() + K @ pull
-    u = np.linalg.solve(np.eye(n * V) + K @ A, right)
-    weighted = (pull - A @ u) * (precision * s)
-    return theta + d0 + (weighted.reshape(n, 1, V) @ jacobian)[:, 0]
+
+    theta: Array
+    torque: Array
+    jacobian: Array
+    cost: float
+
+
+class _Posterior(NamedTuple):
+    """Squares of the rows, and a normal prior of the parameters.
+
+    mean (n, P), and deviation of the prior; precision [s^2/rad^2]: number of rows over the variance
+    of the residual
+    """
+
+    law: Law
+    squares: Compressed
+    mean: Array
+    deviation: float
+    precision: float
+
+    def at(self, theta: Array) -> _Point:
+        """The point at parameters (n, P)."""
+        torque = _torque(self.law, theta, self.squares.speeds)
+        gradient = self.law.with_width(_SHARP).gradient(theta, _inputs(self.squares.speeds))
+        jacobian = np.swapaxes(gradient, 0, 1) * is_learned(self.law)
+        distance = (theta - self.mean) / self.deviation
+        cost = self.precision * self.squares.cost(torque) + float((distance**2).sum())
+        return _Point(theta, torque, jacobian, cost)
+
+    def stepped(self, point: _Point, damping: float) -> Array:
+        """Parameters (n, P) after a damped Gauss-Newton step d.
+
+        With the torques T at the node speeds and their Jacobian J, the prior's h = 1 / deviation^2,
+        the precision p and the damping l, the normal equations
+
+            (h (1 + l) I + p J'A J) d = h (mean - theta) + p J'(b - A T)
+
+        are solved for the change u = J d of the torques (Woodbury identity): with
+        s = 1 / (h (1 + l)), d0 = s h (mean - theta) and K = s p J J',
+
+            (I + K A) u = J d0 + K (b - A T),   d = d0 + s p J'(b - A T - A u)
+        """
+        (n, V, _), A = point.jacobian.shape, self.squares.A
+        h = 1.0 / self.deviation**2
+        s = 1.0 / (h * (1.0 + damping))
+        d0 = (self.mean - point.theta) * (h * s)
+        K = block_diag(*(J @ J.T for J in point.jacobian)) * (self.precision * s)
+        pull = self.squares.b - A @ point.torque.ravel()
+        right = (point.jacobian @ d0[..., None]).ravel() + K @ pull
+        u = np.linalg.solve(np.eye(n * V) + K @ A, right)
+        weighted = (pull - A @ u) * (self.precision * s)
+        return point.theta + d0 + (weighted.reshape(n, 1, V) @ point.jacobian)[:, 0]
 
 
 def _precision(squares: Compressed) -> float:
