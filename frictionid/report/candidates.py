@@ -129,8 +129,17 @@ class Candidate:
         return self.errors.level
 
 
-# The best candidates of two groups, and the factor by which the first one is farther off.
-Contrast = tuple[Candidate, Candidate, Factor]
+class Contrast(NamedTuple):
+    """The best candidates of two groups, and the factor by which the first one is farther off."""
+
+    first: Candidate
+    second: Candidate
+    factor: Factor
+
+    @property
+    def answer(self) -> str:
+        """Whether the first one is practically worse: "yes", "no" or "undecided"."""
+        return {"worse": "yes", "adequate": "no"}.get(self.factor.standing, "undecided")
 
 
 def candidates_of(data: SummaryData, measure: Measure) -> list[Candidate]:
@@ -154,7 +163,7 @@ def candidates_of(data: SummaryData, measure: Measure) -> list[Candidate]:
     ]
     static = [c for c in candidates if not has_memory(c.model)]
     controls = {
-        c.model: (best[0].name, best[2])
+        c.model: (best.first.name, best.factor)
         for c in candidates
         if has_memory(c.model) and (best := contrast(under(static, c.model.recipe), [c]))
     }
@@ -245,8 +254,8 @@ def contrast(first: Sequence[Candidate], second: Sequence[Candidate]) -> Contras
     if len(np.unique(a.errors.group)) < FEWEST:
         return None
     if a.level >= b.level:
-        return a, b, loss(a.errors, b.errors).factor
-    return a, b, loss(b.errors, a.errors).factor.turned
+        return Contrast(a, b, loss(a.errors, b.errors).factor)
+    return Contrast(a, b, loss(b.errors, a.errors).factor.turned)
 
 
 FAMILIES = {

@@ -83,6 +83,20 @@ _Answer = tuple[str, str, *tuple[float, ...]]
 _Joints = tuple[str, ...]
 
 
+class _Worst(NamedTuple):
+    """The value at the worst joint with its interval over the folds, and both with its name."""
+
+    value: float
+    low: float
+    high: float
+    joint: str
+
+    @property
+    def text(self) -> str:
+        """The value at the joint with its interval, in per cent."""
+        return f"{_percent(self.value)} at {self.joint}{_span(self.low, self.high)}"
+
+
 def _percent(share: float) -> str:
     size = round(100 * abs(share), 2)
     return f"{MINUS if share < 0 and size else ''}{size:.3g} %"
@@ -92,16 +106,10 @@ def _span(low: float, high: float) -> str:
     return "" if np.isnan(low) else f" (95 %: {_percent(low)} to {_percent(high)})"
 
 
-def _worst(
-    values: Array, joints: _Joints, largest: Callable[[Array], Any]
-) -> tuple[str, str, float, float, float]:
-    """Of values (F + 1, n), the last of all data, those of the joint that is worst.
-
-    Its name; in per cent, as text, and as numbers the value there, and its interval over the folds.
-    """
-    j = int(largest(values[-1]))
-    value, (low, high) = float(values[-1, j]), _interval(values[:-1, j])
-    return joints[j], f"{_percent(value)} at {joints[j]}{_span(low, high)}", value, low, high
+def _worst(values: Array, joints: _Joints, largest: Callable[[Array], Any]) -> _Worst:
+    """Of values (F + 1, n), the last of all data, those of the joint that is worst."""
+    joint = int(largest(values[-1]))
+    return _Worst(float(values[-1, joint]), *_interval(values[:-1, joint]), joints[joint])
 
 
 def _interval(values: Array) -> tuple[float, float]:
@@ -121,11 +129,11 @@ def _outcome(beyond: bool, excluded: bool) -> str:
 
 def _dissipation(where: str, velocity: Array, curves: Array, joints: _Joints) -> _Answer:
     """The torque of each joint opposes its motion at every velocity."""
-    lowest = lowest_dissipation(velocity, curves)
-    _, text, value, low, high = _worst(lowest, joints, np.argmin)
-    verb = "drives the motion" if value < DRIVES else "opposes the motion"
-    outcome = _outcome(value < DRIVES, not high >= 0)
-    return outcome, f"{verb}{where}: lowest {text}", value, low, high
+    worst = _worst(lowest_dissipation(velocity, curves), joints, np.argmin)
+    drives = worst.value < DRIVES
+    verb = "drives the motion" if drives else "opposes the motion"
+    outcome = _outcome(drives, not worst.high >= 0)
+    return outcome, f"{verb}{where}: lowest {worst.text}", *worst[:3]
 
 
 def _extrapolation(model: Model, joints: _Joints) -> _Answer:
@@ -142,7 +150,7 @@ def _cycles(model: Model) -> _Answer:
     if not model.loops:
         return NOT_EVALUATED, "no cycles were computed: it has no memory"
     work = np.stack([cycle_work(loop.velocity, loop.torque) for loop in model.loops], axis=-1)
-    *_, value, low, high = _worst(work, len(model.loops) * ("",), np.argmin)
+    value, low, high, _ = _worst(work, len(model.loops) * ("",), np.argmin)
     verb = "gives energy" if value < DRIVES else "takes energy"
     outcome = _outcome(value < DRIVES, not high >= 0)
     return outcome, f"{verb} over closed cycles", value, low, high
@@ -177,12 +185,12 @@ def _break_away(model: Model, joints: _Joints) -> _Answer:
     if model.beyond is None:
         return NOT_EVALUATED, "the folder has no break-away levels"
     levels = model.beyond.break_away.min(axis=1)
-    joint, text, *numbers = _worst(levels / torque_size(model.curves), joints, np.argmin)
-    if numbers[0] < DRIVES:
-        return FAILED, f"drives a joint at rest: {text}", *numbers
-    if numbers[0] < WEAK and not model.loops:
-        return NOTED, f"holds no joint at rest at {joint}: it creeps", *numbers
-    return PASSED, f"holds joints at rest: {text}", *numbers
+    worst = _worst(levels / torque_size(model.curves), joints, np.argmin)
+    if worst.value < DRIVES:
+        return FAILED, f"drives a joint at rest: {worst.text}", *worst[:3]
+    if worst.value < WEAK and not model.loops:
+        return NOTED, f"holds no joint at rest at {worst.joint}: it creeps", *worst[:3]
+    return PASSED, f"holds joints at rest: {worst.text}", *worst[:3]
 
 
 def _energy(model: Model, data: SummaryData) -> _Answer:
@@ -199,16 +207,15 @@ def _energy(model: Model, data: SummaryData) -> _Answer:
 
 def _symmetry(velocity: Array, curves: Array, joints: _Joints) -> _Answer:
     """Friction that differs by direction is possible, and worth a look."""
-    apart = asymmetry(velocity, curves)
-    _, text, value, low, high = _worst(apart, joints, lambda v: np.argmax(np.abs(v)))
-    differs = abs(value) > ASYMMETRIC and not low <= 0 <= high
-    return NOTED if differs else PASSED, f"asymmetric by {text}", value, low, high
+    worst = _worst(asymmetry(velocity, curves), joints, lambda v: np.argmax(np.abs(v)))
+    differs = abs(worst.value) > ASYMMETRIC and not worst.low <= 0 <= worst.high
+    return NOTED if differs else PASSED, f"asymmetric by {worst.text}", *worst[:3]
 
 
 def _tail(velocity: Array, curves: Array, joints: _Joints) -> _Answer:
     """Friction that falls at the fastest speeds is possible, and seldom true."""
-    _, text, value, low, high = _worst(tail_drop(velocity, curves), joints, np.argmax)
-    falls = value > FALLING
-    outcome = NOTED if falls and not low <= 0 else PASSED
+    worst = _worst(tail_drop(velocity, curves), joints, np.argmax)
+    falls = worst.value > FALLING
+    outcome = NOTED if falls and not worst.low <= 0 else PASSED
     words = "falls" if outcome == NOTED else "does not clearly fall" if falls else "does not fall"
-    return outcome, f"{words} at the fastest speeds: {text}", value, low, high
+    return outcome, f"{words} at the fastest speeds: {worst.text}", *worst[:3]

@@ -102,8 +102,8 @@ def _contrast(
     if not judged:
         apart = first and second and not shared
         return _nothing("no recipe fitted both: fit them by the same one." if apart else missing)
-    recipe = min(judged, key=lambda r: min(judged[r][0].level, judged[r][1].level))
-    a, b, between = judged[recipe]
+    recipe = min(judged, key=lambda r: min(judged[r].first.level, judged[r].second.level))
+    a, b, between = judged[recipe].first, judged[recipe].second, judged[recipe].factor
     several = len({c.model.recipe for c in asked.candidates} - {ANY}) > 1
     within = f"by recipe {recipe} " if several and recipe else ""
     worse, better, shown = (a, b, between) if between.value >= 1 else (b, a, between.turned)
@@ -114,8 +114,7 @@ def _contrast(
         f"{within}{names[0]} is {middle} times (80 %: {low} to {high}) as far off as {names[1]}; "
         f"geometric means of errors: {errors}."
     )
-    answer = {"worse": "yes", "adequate": "no"}.get(between.standing, "undecided")
-    return answer, reason, between._asdict()
+    return judged[recipe].answer, reason, between._asdict()
 
 
 def _between(first: set[str], second: set[str], missing: str) -> Callable[[Asked], Answer]:

@@ -213,7 +213,7 @@ def _coarser(simple: Candidate, refined: Candidate, candidates: Sequence[Candida
     if refined.model.refined is None or _refined(simple, candidates) is not simple:
         return ""
     against = contrast([simple], [refined])
-    return times(against[2]) if against and against[2].standing == "worse" else ""
+    return times(against.factor) if against and against.answer == "yes" else ""
 
 
 def _identified(chosen: Candidate, candidates: Sequence[Candidate]) -> str:
