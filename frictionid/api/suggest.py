@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from frictionid import excitation
+from frictionid.excitation import Design, TrajectoryDesign
 from frictionid.excitation.experiment import Limits, Named
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant, as_mechanism
@@ -28,25 +29,13 @@ from frictionid.report.experiment_design import (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Suggestion:
-    """Designed torque signals, or trajectories.
-
-    Attributes
-    ----------
-    design : all of them
-    text, document : what it says, in words and as all numbers in SI units
-    draw : makes its picture
-    frames : of signals the torque tables by the names of the recordings, each value held to the
-        next, with the columns time [s] and, for each motor of joint j, uj [N m]; of trajectories a
-        function of the samples per second [Hz], that gives one period of each by its name, with the
-        columns time [s] and, for each joint j, position qj, velocity wj and acceleration aj, SI
-    """
+class _Designed:
+    """What is designed: its text, all numbers in SI units, and how its picture is drawn."""
 
     design: Any
     text: str
     document: dict[str, Any]
     draw: Callable[[], Any]
-    frames: Any
 
     def __repr__(self) -> str:
         return self.text
@@ -57,6 +46,21 @@ class Suggestion:
     def plot(self) -> Any:
         """Torque and motion over time, with the limits, as a Matplotlib figure."""
         return drawn(self.draw)
+
+
+class Suggestion(_Designed):
+    """Designed torque signals; `design` has all of them."""
+
+    design: Design
+
+    @property
+    def frames(self) -> dict[str, pd.DataFrame]:
+        """Torque tables by the names of the recordings, each value held to the next.
+
+        Columns time [s] and, for each motor of joint j, uj [N m].
+        """
+        count = self.design.experiment.recordings
+        return {f"recording {r + 1}": command_frame(self.design, r) for r in range(count)}
 
 
 def suggest(
@@ -123,8 +127,7 @@ def suggest(
     )
     design = excitation.design_signals(experiment, _search(effort, seed), done)
     draw = partial(design_figure, design)
-    frames = {f"recording {r + 1}": command_frame(design, r) for r in range(recordings)}
-    return Suggestion(design, described(design), design_document(design), draw, frames)
+    return Suggestion(design, described(design), design_document(design), draw)
 
 
 def stages(effort: int = 600, seed: int = 0) -> int:
@@ -144,6 +147,20 @@ def _asked(mechanism: Any, limits: Named, friction: Named) -> tuple[Plant, Frict
     return Plant.from_parameters(machine, machine.nominal()), prior, most
 
 
+class SuggestedTrajectories(_Designed):
+    """Designed trajectories; `design` has all of them."""
+
+    design: TrajectoryDesign
+
+    def frames(self, rate: float = 100.0) -> dict[str, pd.DataFrame]:
+        """One period of each trajectory at so many samples per second [Hz], by its name.
+
+        Columns time [s] and, for each joint j, qj, wj and aj: position, velocity, acceleration, SI.
+        """
+        count = len(self.design.trajectories)
+        return {f"trajectory {k + 1}": trajectory_frame(self.design, k, rate) for k in range(count)}
+
+
 def suggest_trajectories(
     mechanism: Any,
     limits: Named,
@@ -156,7 +173,7 @@ def suggest_trajectories(
     effort: int = 600,
     seed: int = 0,
     done: Done = say_nothing,
-) -> Suggestion:
+) -> SuggestedTrajectories:
     """Suggest periodic trajectories, and say which joint's friction stays unsure.
 
     Parameters
@@ -184,9 +201,4 @@ def suggest_trajectories(
     task = excitation.TrajectoryTask(*asked, length, recordings, harmonics, torque_noise)
     design = excitation.design_trajectories(task, effort, seed, done)
     draw = partial(trajectory_figure, design)
-
-    def frames(rate: float = 100.0) -> dict[str, pd.DataFrame]:
-        each = range(recordings)
-        return {f"trajectory {k + 1}": trajectory_frame(design, k, rate) for k in each}
-
-    return Suggestion(design, trajectory_text(design), trajectory_document(design), draw, frames)
+    return SuggestedTrajectories(design, trajectory_text(design), trajectory_document(design), draw)
