@@ -15,7 +15,7 @@ from frictionid.arrays import Array
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.data.servo import Servo, servo_torque
+from frictionid.data.servo import UNKNOWN_GAIN, Servo, servo_torque
 from frictionid.data.signals import Signal, holds
 from frictionid.fitting.one_step.balances import Rows
 
@@ -158,7 +158,10 @@ def servo_findings(dataset: Dataset) -> Iterator[Finding]:
     off = any((s.enabled.value <= 0.5).any() for s in servos)
     motor = "tied_motor_with_drops" if off else "tied_motor"
     yield finding(motor if servos[0].has_motor else "tied_gains", {}, words)
-    if len(_gain_sets(servos)) == 1:
+    sets = _gain_sets(servos)
+    if any(set(gains) == {UNKNOWN_GAIN} for gains in sets):
+        yield finding("placeholder_gains", {})
+    if len(sets) == 1:
         yield finding("one_gain_set", {})
     if payloads == 1:
         yield finding("one_payload", {})

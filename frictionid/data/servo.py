@@ -24,6 +24,7 @@ from .envelope import Envelope, of_motor
 from .signals import Array, Signal, holds, sample
 
 Output = Literal["duty", "voltage", "current", "torque"]
+UNKNOWN_GAIN = 1.0  # P and D of a controller, until somebody gives them
 BY_CONTROLLER = "it is computed from the targets and gains of a controller"
 _JUST = 1e-6  # of a sample, by which a value stands before the step that follows
 _AFTER = 1e-10  # [s] behind a step, where rounding does not decide whether it has come

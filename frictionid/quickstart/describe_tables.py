@@ -18,6 +18,7 @@ from frictionid.data.readers.column_toml import counts_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.table import Table
 from frictionid.data.recordings import Dataset
+from frictionid.data.servo import UNKNOWN_GAIN
 from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import usual_kind
@@ -140,7 +141,7 @@ def actuator_of(
 ) -> dict[str, Any]:
     """The [actuator] table of a position controller with these targets; {} without any.
 
-    Unknown gains are 1. efforts : largest torques where nobody has said a limit
+    efforts : largest torques where nobody has said a limit
 
     Raises
     ------
@@ -154,7 +155,7 @@ def actuator_of(
         )
     if not targets:
         return {}
-    P, D = facts.gains or (1.0, 1.0)
+    P, D = facts.gains or (UNKNOWN_GAIN, UNKNOWN_GAIN)
     bounds = {"limit": limit} if np.size(limit) else {}
     return {"target": _one_or_all(targets), "output": "torque", "P": P, "D": D, **bounds}
 

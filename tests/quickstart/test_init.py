@@ -219,11 +219,11 @@ def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     assert code == 0 and "torque" not in document["columns"] and "not used" not in out
     gains = {"P": 4.0, "D": 0.05, "limit": 2}
     assert document["actuator"] == {"target": "goal", "output": "torque", **gains}
-    (tmp_path / "servo/dataset.toml").unlink()
-    (tmp_path / "servo/suite.toml").unlink()
-    out = call(f"init servo {INIT}")[1]
+    assert "placeholders" not in call("check servo")[1]
+    out = call(f"init servo {INIT} --replace")[1]
     assert "missing: gains of the controller" in out and "output of" not in out
     assert "next: write the gains into dataset.toml, then frictionid quick" in out
+    assert "placeholders until the gains" in call("check servo")[1]
 
 
 def test_counts_and_a_current_of_a_servo_make_a_controllers_file(call, tmp_path):
