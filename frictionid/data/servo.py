@@ -17,7 +17,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import usual_step
 from frictionid.programs.machine_code import compiled
 
 from .envelope import Envelope, of_motor
@@ -26,7 +25,6 @@ from .signals import Array, Signal, holds, sample
 Output = Literal["duty", "voltage", "current", "torque"]
 UNKNOWN_GAIN = 1.0  # P and D of a controller, until somebody gives them
 BY_CONTROLLER = "it is computed from the targets and gains of a controller"
-_JUST = 1e-6  # of a sample, by which a value stands before the step that follows
 _AFTER = 1e-10  # [s] behind a step, where rounding does not decide whether it has come
 
 
@@ -310,11 +308,11 @@ def servo_torque(
 def with_steps(time: Array, steps: Array) -> Array:
     """Times (T,), and each step within them with a moment just before.
 
-    >>> with_steps(np.array([0.0, 1.0, 2.0]), np.array([1.0, 1.5, 7.0]))
-    array([0.      , 0.999999, 1.      , 1.499999, 1.5     , 2.      ])
+    >>> with_steps(np.array([0.0, 1.0, 2.0]), np.array([1.0, 1.5, 7.0])).round(6)
+    array([0. , 1. , 1. , 1.5, 1.5, 2. ])
     """
     inside = steps[(steps > time[0]) & (steps <= time[-1])]
-    just = inside - max(_JUST * usual_step(time), 10 * _AFTER)
+    just = inside - 10 * _AFTER
     merged = np.sort(np.concatenate([time, just, inside]), kind="stable")  # of sorted parts: quick
     return merged[np.diff(merged, prepend=-np.inf) > 0]
 

@@ -8,6 +8,7 @@ import pytest
 from drive_logs import ServoPendulum
 from fixtures.changed_data import changed, each, subset
 from fixtures.servo_logs import by_controller
+from fixtures.slopes import assert_slopes
 from numpy.testing import assert_allclose
 
 from frictionid.data.calibration import Calibration, calibrated_dataset
@@ -16,6 +17,9 @@ from frictionid.evaluation import Protocol, free_run, prepare
 from frictionid.evaluation.predicted_motion import predict
 from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock, TargetDelayBlock
 from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.fitting.shooting.servo import changes_of, drive_of
+from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 
@@ -111,3 +115,17 @@ def test_gain_bias_and_offset_of_a_calibration_are_those_of_the_loop():
     moved = changed(each(data, shifted), "angle", lambda q: q + 0.05)
     same = calibrated_dataset(moved, calibration)
     assert_allclose(rollouts(same, TRUTH, 1.0), rollouts(data, TRUTH, 1.0), atol=1e-9)
+
+
+@pytest.mark.parametrize("limit", [20.0, 0.5])
+def test_late_targets_shift_a_torque_that_no_limit_holds(limit):
+    """Nothing is computed anew for its derivative, and a sample between its steps is enough."""
+    log = RIG.log(P, D, seed=0, seconds=2.0)
+    data = by_controller(RIG, {"a": log}, P=P, D=D, delay=RIG.delay, limit=limit)
+    blocks = (FrictionBlock(), TargetDelayBlock())
+    problem, estimate = prepare_fit(TRUTH, intervals_of(data), blocks, Settings())
+    drive = drive_of(problem.intervals, estimate.calibration, estimate.mechanism)
+    ((late, _, _),) = changes_of(problem.intervals, estimate, problem.blocks, drive)
+    assert (late.area is drive.torque.area) == (limit > 1.0)
+    assert (len(late.clock) < 4 * len(log["t"])) == (limit > 1.0)
+    assert assert_slopes(problem, estimate, np.arange(20, 300, 9), time=1 / RIG.rate) == 3

@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.servo import Servo
+from frictionid.data.servo import Servo, play
 from frictionid.data.signals import Signal, relative_noise, sample
 from frictionid.data.state_estimators import RTS, States, resolutions
 from frictionid.errors import InputError
@@ -22,14 +22,56 @@ _APART = 4.0  # [s] between recordings on one clock: twice as much as targets ma
 _LONGEST = 2e4  # [s] on one clock, whose rounding is then far below that of a step's moment
 
 
+class ServoMotion(NamedTuple):
+    """Angles as the controller's encoder shows them, smoothed velocities, and how angles curve.
+
+    curve : (T - 1, n, 2) [rad] of each interval, its Hermite cubic less its chord at s is
+        s (1 - s) ((1 - s) curve[..., 0] - s curve[..., 1]); without it a stiff gain would act on
+        the chords, which looks like inertia
+    play : [rad] by which the encoder lags behind the angles, None where there is no backlash
+    parts : of each recording the times of its angles, and its smooth motion
+    """
+
+    seen: Signal
+    w: Signal
+    curve: Array | None = None
+    play: Signal | None = None
+    parts: tuple[tuple[Array, Signal], ...] = ()
+
+    def behind(self, backlash: float | Array) -> "ServoMotion":
+        """The motion as an encoder behind a backlash shows it."""
+        if not np.any(backlash):
+            return self
+        lag = np.concatenate([sample(play(q, backlash), time) for time, q in self.parts])
+        seen, z = (self.seen._replace(value=x) for x in (self.seen.value - lag, lag))
+        return self._replace(seen=seen, play=z)
+
+    def at(self, time: Array) -> tuple[Array, Array]:
+        """Angles and velocities (K, n) at times (K,)."""
+        w, clock, seen = sample(self.w, time), self.seen.time, self.seen.value
+        if self.curve is None:
+            return sample(self.seen, time), w
+        k = np.clip(np.searchsorted(clock, time, side="right") - 1, 0, len(clock) - 2)
+        s = np.clip((time - clock[k]) / np.diff(clock)[k], 0.0, 1.0)[:, None]
+        first, last = np.moveaxis(self.curve[k], -1, 0)
+        q = seen[k] + s * (seen[k + 1] - seen[k])
+        return q + s * (1 - s) * ((1 - s) * first - s * last), w
+
+    def play_at(self, time: Array) -> Array | float:
+        """Play (K, n) at times (K,), zero without backlash."""
+        return 0.0 if self.play is None else sample(self.play, time)
+
+
 class ServoGroup(NamedTuple):
     """Recordings of alike servos, one behind the other on one clock.
 
-    servo : of all, its signals one behind the other; begin, end : (R,) [s] of each, on its own
-    clock; later : (R,) [s] by which it is later on theirs, NaN of recordings that are none of these
+    servo, motion : of all, their signals one behind the other; begin, end : (R,) [s] of each, on
+    its own clock; later : (R,) [s] by which it is later on theirs, NaN of recordings that are none
+    of these
     """
 
     servo: Servo
+    motion: ServoMotion
     begin: Array
     end: Array
     later: Array
@@ -85,7 +127,7 @@ class Intervals:
     @cached_property
     def servos(self) -> list[ServoGroup]:
         """Groups of recordings with a servo."""
-        return _groups(self.dataset.recordings)
+        return _groups(self.dataset.recordings, self.states)
 
     @cached_property
     def temperature(self) -> Array | None:
@@ -121,7 +163,7 @@ class Intervals:
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
-def _groups(recordings: Sequence[Recording]) -> list[ServoGroup]:
+def _groups(recordings: Sequence[Recording], states: Sequence[States]) -> list[ServoGroup]:
     """Recordings with a servo, in groups whose servos differ by their signals only."""
     begin, end = np.array([[r.angle.time[0], r.angle.time[-1]] for r in recordings]).T
     groups: dict[tuple[str, int], list[int]] = {}
@@ -143,8 +185,31 @@ def _groups(recordings: Sequence[Recording]) -> list[ServoGroup]:
             for f in fields(Servo)
             if isinstance(getattr(servos[0], f.name), Signal)
         }
-        out.append(ServoGroup(replace(servos[0], **signals), begin, end, later))
+        angles = [recordings[r].angle for r in members]
+        motion = _motion(angles, [states[r] for r in members], where)
+        out.append(ServoGroup(replace(servos[0], **signals), motion, begin, end, later))
     return out
+
+
+def _motion(
+    angles: Sequence[Signal], states: Sequence[States], where: tuple[Array, Array, Array]
+) -> ServoMotion:
+    """The motion of recordings on one clock, without backlash."""
+    clock, time = (
+        np.concatenate([t + later for t, later in zip(times, where[-1], strict=True)])
+        for times in ([a.time for a in angles], [s.time for s in states])
+    )
+    q, rate = (np.concatenate(x) for x in zip(*((s.q, s.w) for s in states), strict=True))
+    dt = np.diff(time)[:, None]
+    ends = rate[:-1] * dt, rate[1:] * dt
+    curve = np.stack(ends, axis=-1) - np.diff(q, axis=0)[..., None]
+    smooth = (Signal(s.time, s.q, "linear") for s in states)
+    return ServoMotion(
+        Signal(clock, np.concatenate([a.value for a in angles]), "linear"),
+        on_one_clock([Signal(s.time, s.w, "linear") for s in states], *where),
+        curve if np.array_equal(time, clock) else None,
+        parts=tuple((a.time, q) for a, q in zip(angles, smooth, strict=True)),
+    )
 
 
 def _settings(servo: Servo) -> str:

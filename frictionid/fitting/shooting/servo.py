@@ -21,8 +21,8 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration, calibrated_servo
 from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.recordings import Dataset
-from frictionid.data.servo import Servo, seen_by_encoder, with_steps
-from frictionid.data.signals import Signal, sample
+from frictionid.data.servo import Servo, with_steps
+from frictionid.data.signals import Signal, holds
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 
@@ -33,7 +33,7 @@ from ..parameter_block import (
     ParameterBlock,
 )
 from ..parameters import MOTOR
-from .sample_intervals import Intervals, ServoGroup, on_one_clock
+from .sample_intervals import Intervals, ServoGroup, ServoMotion
 
 _SHARE = 1e-4  # of a constant, by which it is changed for a difference
 _CHANGE = {"s": 1e-4, "rad": 1e-4, "m": 1e-4}  # of what may be zero
@@ -49,13 +49,15 @@ class Loop(NamedTuple):
     """Servos in closed loop in K intervals.
 
     feedback (K, 2, n) : K and B, before the gain; q, w (K, n) : recorded motion in the middle of
-    each; late (K, 2, n) : stiffness and damping of controllers that see q - delay w, with the gain
+    each; late (K, 2, n) : stiffness and damping of controllers that see q - delay w, with the gain;
+    still : whether A follows from the targets alone, without limit or backlash
     """
 
     feedback: Array
     q: Array
     w: Array
     late: Array
+    still: bool
 
 
 class Drive(NamedTuple):
@@ -91,7 +93,7 @@ def changes_of(
         kinds = dict.fromkeys(p.place[1:] for p in parameters)
         each = [tuple(p for p in parameters if p.place[1:] == kind) for kind in kinds]
         for group in each if all(p.place for p in parameters) else [(p,) for p in parameters]:
-            yield _change(intervals, estimate, block, group, drive.loop.feedback)
+            yield _change(intervals, estimate, block, group, drive.torque, drive.loop)
 
 
 def _change(
@@ -99,13 +101,20 @@ def _change(
     estimate: Estimate,
     block: ParameterBlock,
     group: Sequence[Parameter],
-    feedback: Array,
+    drive: SignalIntegrals,
+    loop: Loop,
 ) -> Change:
     steps = [_CHANGE.get(p.unit, _SHARE * abs(p.value)) for p in group]
     above = [p.value + step for p, step in zip(group, steps, strict=True)]
     below = [max(p.value - step, p.low) for p, step in zip(group, steps, strict=True)]
-    changed = (block.with_values(estimate, [*zip(group, x, strict=True)]) for x in (above, below))
-    up, down = (torques_of(intervals, e.calibration, feedback) for e in changed)
+    if block.name == "target_delay" and loop.still:
+        up, down = (
+            drive._replace(begin=drive.begin + x - group[0].value) for (x,) in (above, below)
+        )
+    else:
+        pairs = ([*zip(group, x, strict=True)] for x in (above, below))
+        changed = (block.with_values(estimate, values).calibration for values in pairs)
+        up, down = (torques_of(intervals, each, loop.feedback) for each in changed)
     joints = [p.place[0] if p.place else slice(None) for p in group]
     share = np.zeros((len(group), intervals.n))
     for row, at, apart in zip(share, joints, np.subtract(above, below), strict=True):
@@ -115,7 +124,7 @@ def _change(
 
 def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Loop:
     """The servos' feedback by the recorded motion in the middle of each interval."""
-    n, middle = intervals.n, intervals.middle - calibration.delay
+    n, middle, still = intervals.n, intervals.middle - calibration.delay, True
     feedback, (q, w) = np.zeros((len(middle), 2, n)), np.zeros((2, len(middle), n))
     for group, servo, motion, rows, r in _groups(intervals, calibration):
         then = middle[rows] - servo.delay
@@ -125,9 +134,10 @@ def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Lo
         linear = servo.at(then + group.later[r]).linear(seen, w[rows])
         feedback[rows] = linear.feedback * motors
         feedback[rows, 1] -= servo.delay * feedback[rows, 0]
+        still &= not np.any(servo.backlash) and not np.ptp(feedback[rows], axis=0).any()
     K, B = np.moveaxis(feedback, 1, 0)
     late = np.stack([K, B - calibration.delay * K], axis=1)
-    return Loop(feedback, q, w, calibration.gain * late)
+    return Loop(feedback, q, w, calibration.gain * late, still)
 
 
 def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) -> SignalIntegrals:
@@ -151,20 +161,22 @@ def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) 
 
 def _groups(
     intervals: Intervals, calibration: Calibration
-) -> Iterator[tuple[ServoGroup, Servo, "ServoMotion", Array, Array]]:
+) -> Iterator[tuple[ServoGroup, Servo, ServoMotion, Array, Array]]:
     """Groups with their servo and motion, their intervals (k,) and the recording (k,) of each."""
     for group in intervals.servos:
         rows = np.flatnonzero(np.isfinite(group.later[intervals.recording]))
         servo = calibrated_servo(group.servo, calibration)
-        motion = ServoMotion.along(intervals, group, servo)
+        motion = group.motion.behind(servo.backlash)
         yield group, servo, motion, rows, intervals.recording[rows]
 
 
-def torque_signal(servo: Servo, motion: "ServoMotion", edges: Array, feedback: Array) -> Signal:
+def torque_signal(servo: Servo, motion: ServoMotion, edges: Array, feedback: Array) -> Signal:
     """A along one recording, with feedback (K, 2, n) from each of the edges (K,) [s] on."""
     changes = edges[1:][(np.diff(feedback, axis=0) != 0).any(axis=(1, 2))]
     feedback = feedback if len(changes) else feedback[:1]
-    clock, share = motion.seen.time, np.arange(_PARTS) / _PARTS
+    # without limits A is constant while targets are held
+    parts = _PARTS if len(changes) or not all(holds(x) for _, x in servo.targets) else 1
+    clock, share = motion.seen.time, np.arange(parts) / parts
     fine = np.append((clock[:-1, None] + np.diff(clock)[:, None] * share).ravel(), clock[-1])
     time = with_steps(fine, np.concatenate([servo.steps(), changes]))
     q, w = motion.at(time)
@@ -173,62 +185,6 @@ def torque_signal(servo: Servo, motion: "ServoMotion", edges: Array, feedback: A
     q_joint, B = q + motion.play_at(time), B + servo.delay * K
     torque = servo.torque(time, q, w) + K * q_joint + B * w
     return Signal(time + servo.delay, torque, "linear")
-
-
-class ServoMotion(NamedTuple):
-    """Angles as the controller's encoder shows them, smoothed velocities, and how angles curve.
-
-    curve : (T - 1, n, 2) [rad] of each interval, its Hermite cubic less its chord at s is
-        s (1 - s) ((1 - s) curve[..., 0] - s curve[..., 1]); without it a stiff gain would act on
-        the chords, which looks like inertia
-    play : [rad] by which the encoder lags behind the angles, None where there is no backlash
-    """
-
-    seen: Signal
-    w: Signal
-    curve: Array | None = None
-    play: Signal | None = None
-
-    @staticmethod
-    def along(intervals: Intervals, group: ServoGroup, servo: Servo) -> "ServoMotion":
-        """The motion of the recordings of a group, on their one clock."""
-        where = tuple(x[group.members] for x in (group.begin, group.end, group.later))
-        later = where[-1]
-        states = [intervals.states[m] for m in group.members]
-        angles = [intervals.dataset.recordings[m].angle for m in group.members]
-        smooth = [Signal(s.time, s.q, "linear") for s in states]
-        encoders = [
-            seen_by_encoder(servo, *pair).value for pair in zip(angles, smooth, strict=True)
-        ]
-        clock = np.concatenate([a.time + x for a, x in zip(angles, later, strict=True)])
-        time = np.concatenate([s.time + x for s, x in zip(states, later, strict=True)])
-        seen, measured = np.concatenate(encoders), np.concatenate([a.value for a in angles])
-        q, rate = np.concatenate([s.q for s in states]), np.concatenate([s.w for s in states])
-        dt = np.diff(time)[:, None]
-        ends = rate[:-1] * dt, rate[1:] * dt
-        curve = np.stack(ends, axis=-1) - np.diff(q, axis=0)[..., None]
-        lag = measured - seen
-        return ServoMotion(
-            Signal(clock, seen, "linear"),
-            on_one_clock([Signal(s.time, s.w, "linear") for s in states], *where),
-            curve if np.array_equal(time, clock) else None,
-            Signal(clock, lag, "linear") if np.any(lag) else None,
-        )
-
-    def at(self, time: Array) -> tuple[Array, Array]:
-        """Angles and velocities (K, n) at times (K,)."""
-        w, clock, seen = sample(self.w, time), self.seen.time, self.seen.value
-        if self.curve is None:
-            return sample(self.seen, time), w
-        k = np.clip(np.searchsorted(clock, time, side="right") - 1, 0, len(clock) - 2)
-        s = np.clip((time - clock[k]) / np.diff(clock)[k], 0.0, 1.0)[:, None]
-        first, last = np.moveaxis(self.curve[k], -1, 0)
-        q = seen[k] + s * (seen[k + 1] - seen[k])
-        return q + s * (1 - s) * ((1 - s) * first - s * last), w
-
-    def play_at(self, time: Array) -> Array | float:
-        """Play (K, n) at times (K,), zero without backlash."""
-        return 0.0 if self.play is None else sample(self.play, time)
 
 
 def has_actuator(blocks: Sequence[ParameterBlock]) -> bool:

@@ -246,8 +246,7 @@ def test_between_samples_the_controller_sees_a_cubic_and_no_chord():
     recording = replace(driven()[0], angle=Signal(time, q, "linear"))
     data = Dataset("cubic", MECHANISM, (recording,))
     intervals = intervals_of(data, states=(States(time, q, w),))
-    (group,) = intervals.servos
-    motion = ServoMotion.along(intervals, group, group.servo)
+    motion = intervals.servos[0].motion
     fine = np.linspace(0.0, 1.0, 201)
     assert_allclose(motion.at(fine)[0][:, 0], cubic(fine), atol=1e-12)
 
