@@ -22,40 +22,52 @@ def follow(
     moved: Array,
     carried: Array,
 ) -> None:
-    """Fill in the arrays of a `WindowPrediction`, see `predict_windows`.
+    """Fill in the zeros of a `WindowPrediction`, see `predict_windows`.
 
     measured, weight (2, K, n) : angles before and after intervals, and what they are scaled by
     end (K, s), by_start (K, s, s), by (K, s, D), angle (D, n) : see `Linearisation`
     """
-    (s, width), n = carried.shape[2:], error.shape[2]
-    T, T_before = np.zeros((s, width)), np.zeros((s, width))
-    g, g_before = np.zeros(s), np.zeros(s)
-    for m in range(len(windows)):
-        g[:], T[:] = 0.0, 0.0
-        for a in range(2 * n):
-            T[a, a] = 1.0
-        count = int((windows[m] >= 0).sum())
-        error[m, count + 1 :], slope[m, count + 1 :], share[m, count + 1 :] = 0.0, 0.0, 0.0
-        moved[m, count:], carried[m, count:] = 0.0, 0.0
-        for k in range(count):
-            i, last = windows[m, k], k + 1 == count
-            g_before[:], T_before[:] = g, T
-            moved[m, k], carried[m, k] = g, T
+    (W, N), (s, width), n = windows.shape, carried.shape[2:], error.shape[2]
+    g_end, T_end = np.zeros(s), np.zeros((s, width))
+    for m in range(W):
+        for a in range(s):
+            moved[m, 0, a] = 0.0
+            for d in range(width):
+                carried[m, 0, a, d] = 1.0 if a == d and a < 2 * n else 0.0
+        for k in range(N):
+            i = windows[m, k]
+            if i < 0:
+                break
+            g, T = moved[m, k], carried[m, k]
             share[m, k] = 1.0 if k else 0.5
             _compare(measured[0, i], weight[0, i], nodes[i], g, T, angle, error[m, k], slope[m, k])
-            for a in range(s):
-                g[a] = 0.0 if last else end[i, a] - nodes[windows[m, k + 1], a]
-                T[a] = 0.0
-                T[a, 2 * n :] = by[i, a]
-                for b in range(s):
-                    factor = by_start[i, a, b]
-                    g[a] += factor * g_before[b]
-                    for d in range(width):
-                        T[a, d] += factor * T_before[b, d]
-            if last:
-                share[m, k + 1] = 0.5
-                place = error[m, k + 1], slope[m, k + 1]
-                _compare(measured[1, i], weight[1, i], end[i], g, T, angle, *place)
+            if k + 1 < N and windows[m, k + 1] >= 0:
+                ahead = moved[m, k + 1], carried[m, k + 1]
+                _pass_on(by_start[i], by[i], g, T, *ahead)
+                for a in range(s):
+                    moved[m, k + 1, a] += end[i, a] - nodes[windows[m, k + 1], a]
+                continue
+            _pass_on(by_start[i], by[i], g, T, g_end, T_end)
+            ahead = error[m, k + 1], slope[m, k + 1]
+            _compare(measured[1, i], weight[1, i], end[i], g_end, T_end, angle, *ahead)
+            share[m, k + 1] = 0.5
+
+
+@called
+def _pass_on(
+    by_start: Array, by: Array, g: Array, T: Array, g_ahead: Array, T_ahead: Array
+) -> None:
+    """Set what g (s,) and T (s, 2n + D) at the start of an interval are at its end."""
+    (s, width), D = T.shape, by.shape[1]
+    for a in range(s):
+        g_ahead[a] = 0.0
+        for d in range(width):
+            T_ahead[a, d] = by[a, d + D - width] if d >= width - D else 0.0
+        for b in range(s):
+            factor = by_start[a, b]
+            g_ahead[a] += factor * g[b]
+            for d in range(width):
+                T_ahead[a, d] += factor * T[b, d]
 
 
 @called
@@ -99,68 +111,62 @@ def eliminate(
     slope (W, R, 2n + D), error and root (W, R) : of R angles, and the root of what each counts
     """
     (W, R, width), size = slope.shape, start.shape[1]
-    D = width - size
-    A, rest, kept = np.zeros((R, width + 1)), np.zeros((R, D)), np.zeros((size, D))
+    D, rows = width - size, R + size  # what is known before of the initial state is as measured
+    A, rest = np.zeros((rows, width + 1)), np.zeros((rows, D))
     at_start, inverse = np.zeros((size, size)), np.zeros((size, size))
     cross, solved = np.zeros((size, D + 1)), np.zeros((size, D + 1))
     for m in range(W):
-        wanted, precision = prior[0, m], prior[1, m]
-        _add_up(slope[m], error[m], root[m], wanted, precision, A, at_start, cross)
+        for r in range(R):
+            for d in range(width):
+                A[r, d] = slope[m, r, d] * root[m, r]
+            A[r, width] = error[m, r] * root[m, r]
+        for a in range(size):
+            A[R + a, a] = np.sqrt(prior[1, m, a])
+            A[R + a, width] = A[R + a, a] * prior[0, m, a]
+        _add_up(A, at_start, cross)
         _solve(at_start, cross, inverse, solved)
         # as a sum of squares: a difference of large ones may come out negative
-        for r in range(R):
+        for r in range(rows):
             for d in range(D):
                 rest[r, d] = A[r, size + d]
             for a in range(size):
-                total = 0.0
-                for c in range(size):
-                    total += inverse[a, c] * A[r, c]
-                leverage[m, r] += total * A[r, a]
                 for d in range(D):
                     rest[r, d] -= A[r, a] * solved[a, d]
             for d in range(D):
                 g[m, d] += A[r, width] * rest[r, d]
+        if D:
+            H[m] = rest.T @ rest
+        for r in range(R):
+            for a in range(size):
+                for c in range(size):
+                    leverage[m, r] += A[r, a] * inverse[a, c] * A[r, c]
+        for a in range(size):
+            at_start[a, a] += damping[m, a]
+        _solve(at_start, cross, inverse, solved)
         for a in range(size):
             for d in range(D):
-                kept[a, d] = np.sqrt(precision[a]) * solved[a, d]
-                g[m, d] -= precision[a] * wanted[a] * solved[a, d]
-        if D:
-            H[m] = rest.T @ rest + kept.T @ kept
-        if damping[m].any():
-            for a in range(size):
-                at_start[a, a] += damping[m, a]
-            _solve(at_start, cross, inverse, solved)
-        to_start[m], start[m] = solved[:, :D], solved[:, D]
+                to_start[m, a, d] = solved[a, d]
+            start[m, a] = solved[a, D]
 
 
 @called
-def _add_up(
-    slope: Array,
-    error: Array,
-    root: Array,
-    wanted: Array,
-    precision: Array,
-    A: Array,
-    at_start: Array,
-    cross: Array,
-) -> None:
-    """Set weighted slopes and errors A (R, 2n + D + 1), and what they say of the initial state.
+def _add_up(A: Array, at_start: Array, cross: Array) -> None:
+    """Set what rows A (R, 2n + D + 1) of slopes and errors say of the initial state.
 
     at_start (2n, 2n) : of it by itself; cross (2n, D + 1) : beside parameters and errors
     """
-    (R, width), size = slope.shape, len(at_start)
-    at_start[:], cross[:] = 0.0, 0.0
+    size = len(at_start)
     for a in range(size):
-        at_start[a, a], cross[a, width - size] = precision[a], precision[a] * wanted[a]
-    for r in range(R):
-        for d in range(width):
-            A[r, d] = slope[r, d] * root[r]
-        A[r, width] = error[r] * root[r]
+        for c in range(size):
+            at_start[a, c] = 0.0
+        for d in range(cross.shape[1]):
+            cross[a, d] = 0.0
+    for r in range(len(A)):
         for a in range(size):
             factor = A[r, a]
             for c in range(size):
                 at_start[a, c] += factor * A[r, c]
-            for d in range(width + 1 - size):
+            for d in range(cross.shape[1]):
                 cross[a, d] += factor * A[r, size + d]
 
 
@@ -168,17 +174,22 @@ def _add_up(
 def _solve(matrix: Array, right: Array, inverse: Array, out: Array) -> None:
     """Set the inverse (s, s) of a positive definite matrix, and its product with the right side."""
     size, left = len(matrix), matrix.copy()
-    inverse[:], out[:] = np.eye(size), 0.0
+    for a in range(size):
+        for b in range(size):
+            inverse[a, b] = 1.0 if a == b else 0.0
     for p in range(size):  # by Gauss and Jordan
         scale = 1.0 / left[p, p]
-        left[p] *= scale
-        inverse[p] *= scale
+        for b in range(size):
+            left[p, b] *= scale
+            inverse[p, b] *= scale
         for a in range(size):
-            factor = left[a, p]
-            if a != p:
-                left[a] -= factor * left[p]
-                inverse[a] -= factor * inverse[p]
+            factor = left[a, p] if a != p else 0.0
+            for b in range(size):
+                left[a, b] -= factor * left[p, b]
+                inverse[a, b] -= factor * inverse[p, b]
     for a in range(size):
+        for d in range(right.shape[1]):
+            out[a, d] = 0.0
         for b in range(size):
             for d in range(right.shape[1]):
                 out[a, d] += inverse[a, b] * right[b, d]

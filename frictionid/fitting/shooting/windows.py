@@ -74,7 +74,7 @@ def predict_windows(
     (W, N), s, n = windows.shape, nodes.shape[1], intervals.n
     width = 2 * n + linearised.by.shape[-1]
     shapes = (N + 1, n), (N + 1, n, width), (N + 1,), (N, s), (N, s, width)
-    prediction = WindowPrediction(*(np.empty((W, *shape)) for shape in shapes))
+    prediction = WindowPrediction(*(np.zeros((W, *shape)) for shape in shapes))
     measured = np.stack([intervals.before, intervals.after]) - offset
     weight = np.stack([intervals.weight_before, intervals.weight_after])
     follow(windows, measured, weight, nodes, *linearised, *prediction)
