@@ -56,14 +56,8 @@ def difference_of(healthy: Changes, new: Changes, size: Array) -> Difference:
     size : (D,) standard deviations of the priors, which no estimate is off by more
     """
     C, C_new = _noise(healthy, new, size)
-    Z, z = _covariates(healthy, new)
-    penalty = _penalty(Z, healthy, C)
-    inverse = np.linalg.inv(Z.T @ Z + np.diag(penalty))
-    slopes = inverse @ Z.T @ healthy.value
-    slopes[0] = 0.0
-    leverage = np.einsum("ri,ij,rj->r", Z, inverse, Z)
-    x, y = healthy.value - Z @ slopes, new.value - z @ slopes
-    freedom = max(len(x) - float(leverage.sum()), 1.0) + len(y) - 1
+    x, y, inverse, leverage, z = _beside_covariates(healthy, new, C)
+    freedom = _freedom(leverage) + len(y) - 1
     about = np.concatenate([_about(x, C), _about(y, C_new)])
     S = _true_scatter(about, np.concatenate([C, C_new]), freedom)
     middle, error = _mean(x, S + C)
@@ -83,21 +77,43 @@ def difference_of(healthy: Changes, new: Changes, size: Array) -> Difference:
     )
 
 
+def _beside_covariates(
+    healthy: Changes, new: Changes, C: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Healthy (N, D) and new values (K, D) without the effects of covariates and motion.
+
+    Also the inverse of the columns' squares, the leverage (N,), and the new columns.
+    """
+    Z, z = _covariates(healthy, new)
+    inverse = np.linalg.inv(Z.T @ Z + np.diag(_penalty(Z, healthy, C)))
+    slopes = inverse @ Z.T @ healthy.value
+    slopes[0] = 0.0
+    leverage = np.einsum("ri,ij,rj->r", Z, inverse, Z)
+    return healthy.value - Z @ slopes, new.value - z @ slopes, inverse, leverage, z
+
+
+def _freedom(leverage: Array) -> float:
+    return max(len(leverage) - float(leverage.sum()), 1.0)
+
+
 def true_scatter(healthy: Changes, effects: Sequence[Effect], weights: Array) -> Array:
     """Standard deviation (n,) of sums of each joint's parts between healthy recordings.
 
-    All else held, without the error of each estimate; zero where that may be all.
+    All else held, without the error of each estimate, and what covariates and motion explain; zero
+    where that may be all.
 
     weights : (n, 4) of the parts
     """
     noise, _ = _noise(healthy, healthy, np.array([e.size for e in effects]))
-    precision, middle = np.linalg.inv(noise), healthy.value.mean(axis=0)
+    values, _, _, leverage, _ = _beside_covariates(healthy, healthy, noise)
+    healthy, freedom = healthy._replace(value=values), _freedom(leverage)
+    precision, middle = np.linalg.inv(noise), values.mean(axis=0)
     square = []
     for free, row in zip(causes_of(effects).values(), weights, strict=False):  # friction is first
         error = row @ np.linalg.inv(precision[:, free][:, :, free]) @ row
         sums = with_others_held(healthy, middle, free).value[:, free] @ row
-        beyond = float(sums.var(ddof=1) - error.mean())
-        square.append(beyond if beyond > _SURE * error.mean() * np.sqrt(2.0 / len(sums)) else 0.0)
+        beyond = float(sums.var() * len(sums) / freedom - error.mean())
+        square.append(beyond if beyond > _SURE * error.mean() * np.sqrt(2.0 / freedom) else 0.0)
     return np.sqrt(square)
 
 

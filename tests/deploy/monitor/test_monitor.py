@@ -340,6 +340,15 @@ def test_a_reference_without_friction_is_refused(healthy):
         fid.baseline(healthy, law="none")
 
 
+def test_what_a_covariate_explains_is_no_scatter(known):
+    """A level that changes by 30 % with a temperature would scatter by 18 %."""
+    warmth, value = np.linspace(-1.0, 1.0, COUNT), known.changes.value.copy()
+    value[:, 0] += 0.3 * known.level[0] * warmth
+    changes = known.changes._replace(value=value, covariates=warmth[:, None])
+    warm = replace(known, covariates=("temperature",), changes=changes)
+    assert_allclose(warm.scatter, known.scatter, rtol=0.2)
+
+
 def test_an_unknown_temperature_is_said(known, fresh):
     base = replace(
         known,
