@@ -28,7 +28,7 @@ from .hypotheses import (
     hypotheses,
     of_columns,
 )
-from .motion import WIDTH, Measured, characteristic_speeds
+from .motion import Measured, characteristic_speeds
 from .regression import unit_columns
 
 _FEW = ("flipped", "shifted", "pair", "unit_of")  # kinds that change some joints of an arm only
@@ -204,8 +204,7 @@ def _key(convention: Convention) -> tuple[bytes, bytes]:
 def rows_under(measured: Measured, maps: Sequence[Convention]) -> Iterator[Rows]:
     """Rows at the nominal parameters under each map, as many maps at once as memory allows."""
     mechanism, acts = measured.mechanism, measured.mechanism.friction_map
-    whole = measured.balances.samples
-    windows = whole.windows(WIDTH)
+    whole, windows = measured.balances.samples, measured.windows
     noise = np.array([motion.velocity_noise for motion in measured.motions])
     count = max(_SAMPLES // len(whole.time), 1)
     for first in range(0, len(maps), count):
@@ -257,10 +256,7 @@ def _shares(rows: Rows, torque: Array) -> tuple[Array, Array]:
 def _residual_squares(shapes: Array, target: Array) -> float:
     """Sum of squares that no friction opposing the motion explains."""
     columns = np.column_stack([shapes, -shapes[:, 2]])  # an offset may have either sign
-    Q, R = np.linalg.qr(unit_columns(columns)[0])
-    b = Q.T @ target
-    distance = nnls(R, b)[1]
-    return float(distance**2 + max(target @ target - b @ b, 0.0))
+    return float(nnls(unit_columns(columns)[0], target)[1] ** 2)
 
 
 def better(scored: list[Scored], first: Scored) -> list[Scored]:

@@ -212,7 +212,7 @@ class HypothesisTests:
 
 def untested(measured: Measured) -> HypothesisTests:
     """No results, the data as they are."""
-    rows = windows_of(measured.balances).without(measured.dead)
+    rows = measured.rows.without(measured.dead)
     return HypothesisTests(measured, rows, rows)
 
 

@@ -17,7 +17,7 @@ from frictionid.data.signals import GAP, Signal, run_edges, usual_intervals
 from .conventions import MARGIN, log_unexplained
 from .facts import deviations, scatter_of
 from .findings import Finding, finding
-from .motion import Measured, motions_of, windows_of
+from .motion import Measured, motions_of
 
 # Kinks at least; second differences around one are so many times those with the sign turned, and no
 # reading is zero so many samples before or behind: what is cut off at zero is no size.
@@ -303,7 +303,7 @@ def in_seconds(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
     recordings = tuple(r.changed(clocked, clocked) for r in dataset.recordings)
     corrected = replace(dataset, recordings=recordings)
     measured = Measured.of_dataset(corrected, motions_of(corrected.recordings))
-    rows = windows_of(measured.balances).at(measured.nominal)
+    rows = measured.rows.at(measured.nominal)
     torque = rows.means(measured.torque)
     # with the times of the table, then with the corrected ones
     before, score = (

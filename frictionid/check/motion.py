@@ -17,7 +17,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States, noise_left, resolutions
-from frictionid.fitting.one_step.balances import Balances, Rows, Samples, balances_of
+from frictionid.fitting.one_step.balances import Balances, Rows, Samples, Windows, balances_of
 from frictionid.mechanics import Mechanism, Plant
 
 # Finer samples are averaged: friction and rigid bodies show below 30 Hz, and each step costs time.
@@ -179,6 +179,16 @@ class Measured:
     def balances(self) -> Balances:
         """Balances of the motions for the units of the base parameters."""
         return unit_balances(self.mechanism, self.motions)
+
+    @cached_property
+    def windows(self) -> Windows:
+        """Windows of the usual width."""
+        return self.balances.samples.windows(WIDTH)
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Rows of the windows of the usual width."""
+        return self.balances.rows(self.windows)
 
     @property
     def momentum_noise(self) -> Array:
