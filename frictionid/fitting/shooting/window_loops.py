@@ -1,4 +1,7 @@
-"""Windows one by one, in compiled loops: their predictions, and their normal equations."""
+"""Windows one by one, in compiled loops: their predictions, and their normal equations.
+
+Arrays of all windows would be written and read several times; those of one stay in the cache.
+"""
 
 import numpy as np
 
@@ -24,16 +27,19 @@ def follow(
 ) -> None:
     """Fill in the zeros of a `WindowPrediction`, see `predict_windows`.
 
+    From node x_k of a window to the next, with the end F_k of the interval, its derivatives P_k by
+    x_k and B_k by the parameters,
+
+        g_{k+1} = F_k - x_{k+1} + P_k g_k,    T_{k+1} = P_k T_k + [0, B_k]
+
     measured, weight (2, K, n) : angles before and after intervals, and what they are scaled by
     end (K, s), by_start (K, s, s), by (K, s, D), angle (D, n) : see `Linearisation`
     """
     (W, N), (s, width), n = windows.shape, carried.shape[2:], error.shape[2]
     g_end, T_end = np.zeros(s), np.zeros((s, width))
     for m in range(W):
-        for a in range(s):
-            moved[m, 0, a] = 0.0
-            for d in range(width):
-                carried[m, 0, a, d] = 1.0 if a == d and a < 2 * n else 0.0
+        for a in range(2 * n):
+            carried[m, 0, a, a] = 1.0
         for k in range(N):
             i = windows[m, k]
             if i < 0:
@@ -42,14 +48,13 @@ def follow(
             share[m, k] = 1.0 if k else 0.5
             _compare(measured[0, i], weight[0, i], nodes[i], g, T, angle, error[m, k], slope[m, k])
             if k + 1 < N and windows[m, k + 1] >= 0:
-                ahead = moved[m, k + 1], carried[m, k + 1]
-                _pass_on(by_start[i], by[i], g, T, *ahead)
+                _pass_on(by_start[i], by[i], g, T, moved[m, k + 1], carried[m, k + 1])
                 for a in range(s):
                     moved[m, k + 1, a] += end[i, a] - nodes[windows[m, k + 1], a]
                 continue
             _pass_on(by_start[i], by[i], g, T, g_end, T_end)
-            ahead = error[m, k + 1], slope[m, k + 1]
-            _compare(measured[1, i], weight[1, i], end[i], g_end, T_end, angle, *ahead)
+            after = error[m, k + 1], slope[m, k + 1]
+            _compare(measured[1, i], weight[1, i], end[i], g_end, T_end, angle, *after)
             share[m, k + 1] = 0.5
 
 
@@ -62,7 +67,9 @@ def _pass_on(
     for a in range(s):
         g_ahead[a] = 0.0
         for d in range(width):
-            T_ahead[a, d] = by[a, d + D - width] if d >= width - D else 0.0
+            T_ahead[a, d] = 0.0
+        for d in range(D):
+            T_ahead[a, width - D + d] = by[a, d]
         for b in range(s):
             factor = by_start[a, b]
             g_ahead[a] += factor * g[b]
@@ -86,11 +93,9 @@ def _compare(
     for j in range(n):
         error[j] = (measured[j] - state[j] - g[j]) * weight[j]
         for d in range(T.shape[1]):
-            slope[j, d] = T[j, d]
+            slope[j, d] = T[j, d] * weight[j]
         for d in range(D):
-            slope[j, 2 * n + d] += angle[d, j]
-        for d in range(T.shape[1]):
-            slope[j, d] *= weight[j]
+            slope[j, 2 * n + d] += angle[d, j] * weight[j]
 
 
 @compiled
@@ -106,12 +111,18 @@ def eliminate(
     start: Array,
     leverage: Array,
 ) -> None:
-    """Fill in the arrays of `NormalEquations`, see `eliminate_states`.
+    """Fill in the zeros of `NormalEquations`, see `eliminate_states`.
+
+    Of the weighted rows [A, C] of initial state and parameters, and their errors b,
+
+        rest = C - A S,    S = (A'A)^-1 A'C,    H = rest' rest,    g = rest' b
+
+    where what is known of the initial state before, its prior, is so many rows more.
 
     slope (W, R, 2n + D), error and root (W, R) : of R angles, and the root of what each counts
     """
     (W, R, width), size = slope.shape, start.shape[1]
-    D, rows = width - size, R + size  # what is known before of the initial state is as measured
+    D, rows = width - size, R + size
     A, rest = np.zeros((rows, width + 1)), np.zeros((rows, D))
     at_start, inverse = np.zeros((size, size)), np.zeros((size, size))
     cross, solved = np.zeros((size, D + 1)), np.zeros((size, D + 1))
