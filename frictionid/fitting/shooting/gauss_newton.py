@@ -108,9 +108,12 @@ def solve(
         nodes, sigma, total = ended.nodes, ended.sigma, ended.iterations
     for seconds, settled in stages:
         windows = cut_windows(problem.intervals, use, seconds)
-        kinked = ended.kinked if ended and np.array_equal(windows, ended.windows) else None
-        first = solution is None
-        solution = _solve_stage(settled, windows, estimate, nodes, sigma, kinked, first)
+        first, before = solution is None, solution or ended
+        left_out = np.zeros((2, len(windows)), dtype=bool)
+        if before and np.array_equal(windows, before.windows):
+            # where other parameters are free, lost windows have another chance
+            left_out[:] = before.kinked, before.kinked if first else ~before.closed
+        solution = _solve_stage(settled, windows, estimate, nodes, sigma, left_out, first)
         total += solution.iterations
         estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     assert solution is not None
@@ -153,17 +156,16 @@ def _solve_stage(
     estimate: Estimate,
     nodes: Array,
     sigma: Array,
-    kinked: Array | None,
+    left_out: Array,
     first: bool,
 ) -> Solution:
     """Gauss-Newton iterations over windows of one length, to where the physics step can follow.
 
-    kinked : (W,) windows that are left out from the start; first : whether none came before
+    left_out : (2, W) windows for good, and at the start; first : whether no stage came before
     """
     settings, what = problem.settings, f"windows of {windows.shape[1]} samples"
     point = linearised_at(problem, windows, estimate, nodes, sigma)
-    if kinked is not None:
-        point = point._replace(kinked=kinked, out=kinked)
+    point = point._replace(kinked=left_out[0], out=left_out[1])
     step, before = _next_step(problem, point, sigma, _DAMPING[0], 1.0), None
     begins, most = [step.begin], 1.0
     report_step(what, settings.iterations - 1)
@@ -280,7 +282,7 @@ def _next_step(
     slow = initial_state_damping(problem, point, sigma)
     counts = counts_of(point, sigma, huber)
     for _ in range(_ROUNDS):
-        normal = eliminate_states(prediction, weight, sigma, point.prior, slow).weighted(counts)
+        normal = eliminate_states(prediction, weight, sigma, point.prior, slow, counts)
         H, move = _move(problem, point, normal, damping, share)
         start = normal.start - normal.to_start @ move
         moves = np.concatenate([start, np.broadcast_to(move, (len(start), len(move)))], axis=1)

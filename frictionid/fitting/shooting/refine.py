@@ -339,7 +339,8 @@ def widened(solution: Solution, blocks: tuple[ParameterBlock, ...]) -> Solution:
     estimate = with_servo(s.estimate, intervals.dataset, blocks)
     problem = shooting_problem(intervals, estimate, blocks, s.problem.settings, s.problem)
     point = linearised_at(problem, s.windows, estimate, s.nodes, s.sigma)
-    normal = eliminate_states(point.prediction, s.weight, s.sigma, point.prior).weighted(s.counts)
+    at = point.prediction, s.weight, s.sigma, point.prior
+    normal = eliminate_states(*at, counts=s.counts)
     return s._replace(problem=problem, estimate=estimate, normal=normal)
 
 

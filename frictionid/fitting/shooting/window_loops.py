@@ -105,6 +105,7 @@ def eliminate(
     root: Array,
     prior: Array,
     damping: Array,
+    counts: Array,
     H: Array,
     g: Array,
     to_start: Array,
@@ -144,9 +145,11 @@ def eliminate(
                 for d in range(D):
                     rest[r, d] -= A[r, a] * solved[a, d]
             for d in range(D):
-                g[m, d] += A[r, width] * rest[r, d]
-        if D:
-            H[m] = rest.T @ rest
+                g[m, d] += counts[m] * A[r, width] * rest[r, d]
+        if D and counts[m] > 0.0:  # what is left out may be infinite
+            H[m] = counts[m] * (rest.T @ rest)
+        else:
+            g[m] = 0.0
         for r in range(R):
             for a in range(size):
                 for c in range(size):

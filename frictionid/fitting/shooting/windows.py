@@ -105,9 +105,9 @@ def _without_explosions(prediction: WindowPrediction, size: Array) -> WindowPred
 class NormalEquations(NamedTuple):
     """Normal equations H step = g of each window, its initial state eliminated.
 
-    H (W, D, D), g (W, D) of the shared parameters; to_start (W, 2n, D) and start (W, 2n): the
-    initial state moves by start - to_start step. leverage (W, N + 1, n): share of each residual
-    that the window's own initial state takes up.
+    H (W, D, D), g (W, D) of the shared parameters, as much as each window counts; to_start
+    (W, 2n, D) and start (W, 2n): the initial state moves by start - to_start step. leverage
+    (W, N + 1, n): share of each residual that the window's own initial state takes up.
     """
 
     H: Array
@@ -116,26 +116,19 @@ class NormalEquations(NamedTuple):
     start: Array
     leverage: Array
 
-    def weighted(self, counts: Array) -> "NormalEquations":
-        """What windows say of the shared parameters, each as much as it counts (W,)."""
-        if (counts == 1).all():
-            return self
-        on = counts > 0  # what is left out may be infinite
-        H = np.where(on[:, None, None], self.H * counts[:, None, None], 0.0)
-        return self._replace(H=H, g=np.where(on[:, None], self.g * counts[:, None], 0.0))
-
 
 def eliminate_states(
     prediction: WindowPrediction,
     weight: Array,
     sigma: Array,
     prior: Array,
-    damping: Array | None = None,
+    damping: Array | float = 0.0,
+    counts: Array | float = 1.0,
 ) -> NormalEquations:
     """Schur complements of the initial states in each window's least-squares problem.
 
     weight (W, N + 1, n), sigma (n,) [rad]; prior (2, W, 2n): of the initial state's move, mean and
-    precision; damping (W, 2n), more precision for its step alone
+    precision; damping (W, 2n), more precision for its step alone; counts (W,) of windows
     """
     (W, R, n), size = prediction.error.shape, prior.shape[-1]
     D = prediction.slope.shape[-1] - size
@@ -143,9 +136,8 @@ def eliminate_states(
     shapes = (D, D), (D,), (size, D), (size,), (R, n)
     normal = NormalEquations(*(np.zeros((W, *shape)) for shape in shapes))
     rows = (x.reshape(W, R * n, *x.shape[3:]) for x in (prediction.slope, prediction.error, root))
-    damping = np.zeros((W, size)) if damping is None else damping
     out = normal._replace(leverage=normal.leverage.reshape(W, -1))  # a view
-    eliminate(*rows, prior, damping, *out)
+    eliminate(*rows, prior, damping + np.zeros((W, size)), counts * np.ones(W), *out)
     return normal
 
 

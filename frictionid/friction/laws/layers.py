@@ -137,7 +137,7 @@ def cells_after(weights: Array, z: Array, memory: Memory) -> tuple[Array, Array]
     of the gates take, keep, give and new, linear in z and h; `memory` holds h and then c.
     """
     xp, H = namespace(weights, z), len(memory) // 2
-    h, c = stacked(memory[:H]), stacked(memory[H:])
+    h, c = (xp.stack(part, axis=-1) for part in (memory[:H], memory[H:]))
     both = beside(z, h)
     gates = outputs(weights, both, (both.shape[-1], 4 * H))
     take, keep, give = (rise(gates[..., k * H : (k + 1) * H]) for k in range(3))
