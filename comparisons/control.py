@@ -108,7 +108,7 @@ def motion(friction: fid.Friction) -> ca.Function:
     code = scalar_code(e.arguments, [*e.M, *e.h])
     p = mechanism.base(mechanism.nominal()).tolist()
     smoothed = fid.compensating(friction, fid.Compensation(gain=1.0, smooth=SMOOTH))
-    torque = casadi_functions(exported(smoothed)).torque
+    torque = casadi_functions(exported(smoothed))["torque"]
     x, u = ca.SX.sym("x", 4), ca.SX.sym("u")
 
     def rate(x: Any) -> Any:

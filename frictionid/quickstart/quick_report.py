@@ -335,13 +335,17 @@ def _friction(axes: Any, result: Quick, part: int, colours: dict[str, str]) -> N
 
 
 def _errors(axes: Any, result: Quick, colours: dict[str, str]) -> None:
+    across = axes.get_xaxis_transform()
     for place, c in enumerate(result.candidates):
         offsets, colour = np.linspace(-0.15, 0.15, len(c.by_fold)), colours[c.name]
         error, *folds = result.measure.shown(np.append(c.error, c.by_fold))
         axes.plot(place + offsets, folds, "o", color=colour, markersize=3, alpha=0.5)
         axes.plot([place - 0.3, place + 0.3], 2 * [error], color=colour, linewidth=2)
+        text = f"{factor(c.loss.factor.value)} ×" if c.loss else c.standing
+        axes.text(place, 0.93, text, transform=across, ha="center", fontsize=7)
+    axes.margins(y=0.2)  # for what is written there
     plain_logarithm(axes)
     names = [c.name for c in result.candidates]
     axes.set_xticks(range(len(names)), names, rotation=20, ha="right")
-    axes.set_title("held out; dots: folds", loc="left", color=DARK)
+    axes.set_title("held out; dots: folds; ×: times the best", loc="left", color=DARK)
     axes.set_ylabel(result.measure.of_what)

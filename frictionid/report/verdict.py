@@ -197,12 +197,16 @@ def _decided(
 
 
 def _refined(chosen: Candidate, candidates: Sequence[Candidate]) -> Candidate:
-    """The same identifier fitted by shooting, where that is not farther off by a tenth."""
+    """The same identifier fitted by shooting, where that is not shown to be practically worse."""
     twins = [c for c in candidates if c.model.label == chosen.model.label and c.model.refined]
-    finer = [
-        c for c in twins if c.is_finite and not c.unfit and c.level <= (1 + REGION) * chosen.level
-    ]
+    finer = [c for c in twins if c.is_finite and not c.unfit and not _farther(c, chosen)]
     return min(finer, key=lambda c: c.level, default=chosen)
+
+
+def _farther(candidate: Candidate, other: Candidate) -> str:
+    """By which factor a candidate is practically farther off than another; "" where it is not."""
+    against = contrast([candidate], [other])
+    return times(against.factor) if against and against.answer == "yes" else ""
 
 
 def _coarser(simple: Candidate, refined: Candidate, candidates: Sequence[Candidate]) -> str:
@@ -212,8 +216,7 @@ def _coarser(simple: Candidate, refined: Candidate, candidates: Sequence[Candida
     """
     if refined.model.refined is None or _refined(simple, candidates) is not simple:
         return ""
-    against = contrast([simple], [refined])
-    return times(against.factor) if against and against.answer == "yes" else ""
+    return _farther(simple, refined)
 
 
 def _identified(chosen: Candidate, candidates: Sequence[Candidate]) -> str:

@@ -68,6 +68,22 @@ def test_a_refined_model_is_taken_where_the_simpler_one_was_not_refined_and_is_f
     assert "these data cannot tell it from rich (integral)" in found.sentence
 
 
+@pytest.mark.parametrize(
+    "noise, recommended",
+    [(LOUD, "a (shooting)"), (SHARED, "a (integral)")],
+    ids=["undecided", "worse"],
+)
+def test_the_law_is_delivered_by_shooting_unless_that_is_shown_to_be_worse(
+    noise, recommended, tmp_path
+):
+    of_one_step = model("a", 0.1)
+    of_one_step["method"] = {"corrects": ["inertia"]}
+    refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.01, joint=0)])
+    shot = made.task("a", 0.3, 0.116, noise=noise, fit="shooting", refined=refined)
+    found = verdict(tmp_path, [of_one_step, shot, model("none", 0.9, size=0, role="none")])
+    assert found.recommended == recommended
+
+
 def test_a_recording_that_a_model_misses_is_the_main_doubt(tmp_path):
     found = verdict(tmp_path, [model("a", 0.01, noise=[0, 0, 0.3, 0]), model("b", 0.9, size=9)])
     assert found.recommended == "a"

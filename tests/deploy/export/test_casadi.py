@@ -12,7 +12,7 @@ from frictionid.friction import at_rest
 @pytest.mark.parametrize("name", ["stribeck", "quadratic", "spline", "mlp"])
 def test_derivatives_agree_with_differences(name):
     own = exported_by(LAWS[name], 6)
-    slope = casadi_functions(own).torque.jacobian()
+    slope = casadi_functions(own)["torque"].jacobian()
     law, theta, step = own.friction.law, own.friction.theta, 1e-6
     for w in np.random.default_rng(7).uniform(-4.0, 4.0, (20, 2)):
         high, low = (law.torque(theta, at_rest(w + side * step), ()) for side in (1, -1))

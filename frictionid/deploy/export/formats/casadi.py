@@ -2,7 +2,6 @@
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,35 +27,26 @@ _NAMES = {
 _OPERATIONS = operations(casadi, _NAMES)
 
 
-class Functions(NamedTuple):
-    """Friction of n parts, `casadi.Function`s of columns (n,).
-
-    torque : of those of q, w, u and load that friction depends on, and memory, to Tf
-    advance : of the inputs of `torque` and dt [s], to memory after dt; None for static laws
-    start : of the inputs without memory, to memory at the start of a motion; None for static laws
-
-    Memory is a matrix (n, m), a column for each entry.
-    """
-
-    torque: casadi.Function
-    advance: casadi.Function | None = None
-    start: casadi.Function | None = None
-
-
-def casadi_functions(model: ExportedFriction, name: str = "friction") -> Functions:
-    """Functions `NAME_torque`, `NAME_advance` and `NAME_start` of CasADi.
+def casadi_functions(model: ExportedFriction, name: str = "friction") -> dict[str, casadi.Function]:
+    """Functions `NAME_torque`, `NAME_advance` and `NAME_start` of CasADi, of columns (n,).
 
     As smooth as the law is: sgn(w) of a law is smoothed over its `width`.
+
+    torque : of those of q, w, u and load that friction depends on, and memory, to Tf
+    advance : of the inputs of `torque` and dt [s], to memory after dt; of laws with memory
+    start : of the inputs without memory, to memory at the start of a motion; of these, too
+
+    Memory is a matrix (n, m), a column for each entry.
 
     >>> import numpy as np
     >>> from frictionid.deploy.export.exported import exported
     >>> from frictionid.friction import Friction
     >>> from frictionid.friction.laws import CoulombViscous
     >>> friction = Friction(CoulombViscous(), np.array([[0.1, 0.02], [0.2, 0.01]]))
-    >>> functions = casadi_functions(exported(friction))
-    >>> functions.torque([1.0, -1.0])
+    >>> torque = casadi_functions(exported(friction))["torque"]
+    >>> torque([1.0, -1.0])
     DM([0.12, -0.21])
-    >>> functions.torque.jacobian()([1.0, -1.0], 0).full().round(3).diagonal().tolist()
+    >>> torque.jacobian()([1.0, -1.0], 0).full().round(3).diagonal().tolist()
     [0.02, 0.01]
     """
     n = len(model.joints)
@@ -72,25 +62,20 @@ def casadi_functions(model: ExportedFriction, name: str = "friction") -> Functio
         columns = program.run(entries, _OPERATIONS).values()
         value = casadi.horzcat(*(casadi.vertcat(*column) for column in columns))
         result = "Tf" if part == "torque" else "memory_after"
-        function = casadi.Function(
+        parts[part] = casadi.Function(
             f"{name}_{part}", [*symbols.values()], [value], [*symbols], [result]
         )
-        parts[part] = function
-    return Functions(parts["torque"], parts.get("advance"), parts.get("start"))
+    return parts
 
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """Files of the functions, which `casadi.Function.load` reads, and a text on what they are."""
     parts = casadi_functions(model, settings.name)
-    files = {
-        "" if part == "torque" else f"_{part}": function
-        for part, function in parts._asdict().items()
-        if function is not None
-    }
+    files = {"" if x == "torque" else f"_{x}": function for x, function in parts.items()}
     signatures = "\n".join(f"{function}" for function in files.values())
     text = "\n".join((*model.facts, "Read by casadi.Function.load:", signatures, ""))
     saved = {f"{ending}.casadi": _saved(function) for ending, function in files.items()}
-    note = f'torque = casadi.Function.load("{settings.stem}.casadi"): {parts.torque}'
+    note = f'torque = casadi.Function.load("{settings.stem}.casadi"): {parts["torque"]}'
     return Written({**saved, ".txt": text.encode()}, notes=(note,))
 
 
