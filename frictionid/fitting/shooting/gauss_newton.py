@@ -108,12 +108,9 @@ def solve(
         nodes, sigma, total = ended.nodes, ended.sigma, ended.iterations
     for seconds, settled in stages:
         windows = cut_windows(problem.intervals, use, seconds)
-        first, before = solution is None, solution or ended
-        left_out = np.zeros((2, len(windows)), dtype=bool)
-        if before and np.array_equal(windows, before.windows):
-            # where other parameters are free, lost windows have another chance
-            left_out[:] = before.kinked, before.kinked if first else ~before.closed
-        solution = _solve_stage(settled, windows, estimate, nodes, sigma, left_out, first)
+        kinked = ended.kinked if ended and np.array_equal(windows, ended.windows) else None
+        first = solution is None
+        solution = _solve_stage(settled, windows, estimate, nodes, sigma, kinked, first)
         total += solution.iterations
         estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     assert solution is not None
@@ -156,16 +153,17 @@ def _solve_stage(
     estimate: Estimate,
     nodes: Array,
     sigma: Array,
-    left_out: Array,
+    kinked: Array | None,
     first: bool,
 ) -> Solution:
     """Gauss-Newton iterations over windows of one length, to where the physics step can follow.
 
-    left_out : (2, W) windows for good, and at the start; first : whether no stage came before
+    kinked : (W,) windows that are left out from the start; first : whether none came before
     """
     settings, what = problem.settings, f"windows of {windows.shape[1]} samples"
     point = linearised_at(problem, windows, estimate, nodes, sigma)
-    point = point._replace(kinked=left_out[0], out=left_out[1])
+    if kinked is not None:
+        point = point._replace(kinked=kinked, out=kinked)
     step, before = _next_step(problem, point, sigma, _DAMPING[0], 1.0), None
     begins, most = [step.begin], 1.0
     report_step(what, settings.iterations - 1)
