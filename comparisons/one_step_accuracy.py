@@ -20,7 +20,6 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import (
     Protocol,
     curve_error,
-    curves,
     prepare,
     steady_state,
     velocity_grid,
@@ -44,12 +43,12 @@ def fitted(identifier: Any, problem: Any) -> Any:
 def accuracy(name: str, dataset: Any) -> list[tuple[str, str]]:
     """Curve errors of the study's recipe and ours, fitted to all data."""
     grid = prepare(dataset, Protocol(horizons=(0.1,))).grid
-    true = curves(steady_state(dataset.truth), grid)
+    true = steady_state(dataset.truth).curve(grid)
     rows, errors = [], []
     for recipe, robust in ((STUDY, None), (INTEGRAL, None), (INTEGRAL, 3.0)):
         problem = training_problem(dataset, plant_of(dataset), recipe)
         friction = fitted(LeastSquares(Stribeck(symmetric=False), robust=robust), problem)
-        errors.append(curve_error(curves(friction, grid), true, grid))
+        errors.append(curve_error(friction.curve(grid), true, grid))
         shown = " / ".join(f"{100 * e:.1f} %" for e in errors[-1])
         how = f"{recipe.name}, robust" if robust else recipe.name
         rows.append((f"{name}: curve error, {how} (joint 1 / 2)", shown))
@@ -61,12 +60,12 @@ def networks(dataset: Any) -> list[tuple[str, str]]:
     """Curve errors of networks fitted to all data by our recipe."""
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
     grid = velocity_grid(problem.nodes.inputs.w)
-    true = curves(steady_state(dataset.truth), grid)
+    true = steady_state(dataset.truth).curve(grid)
     rows = []
     for name, identifier in (("mlp", CompressedNetwork(MLP())), ("lstm", Network(LSTM()))):
         friction = fitted(identifier, problem)
         shown = " / ".join(
-            f"{100 * e:.1f} %" for e in curve_error(curves(friction, grid), true, grid)
+            f"{100 * e:.1f} %" for e in curve_error(friction.curve(grid), true, grid)
         )
         rows.append((f"acrobot_clean: curve error, {name} (joint 1 / 2)", shown))
     return rows

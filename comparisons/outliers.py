@@ -18,7 +18,7 @@ from frictionid.arrays import Array
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
-from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
+from frictionid.evaluation import curve_error, steady_state, velocity_grid
 from frictionid.fitting.identifiers.least_squares import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.shooting import Shooting
@@ -59,7 +59,7 @@ def error_of(friction: Friction, clean: Dataset) -> Array:
     assert truth is not None
     speeds = [r.truth.velocity.value for r in clean.recordings if r.truth is not None]
     grid = velocity_grid(np.concatenate(speeds))
-    return np.asarray(curve_error(curves(friction, grid), curves(steady_state(truth), grid), grid))
+    return np.asarray(curve_error(friction.curve(grid), steady_state(truth).curve(grid), grid))
 
 
 def main(seeds: int = 1) -> None:

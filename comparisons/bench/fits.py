@@ -19,7 +19,6 @@ from frictionid.data.recordings import Recording
 from frictionid.evaluation import (
     Split,
     curve_error,
-    curves,
     make_folds,
     steady_state,
     velocity_grid,
@@ -114,13 +113,13 @@ def _sindy() -> Case:
 
     folds, dataset = ten_folds(), acrobot()
     grid = velocity_grid(folds.problem.nodes.inputs.w)
-    true = curves(steady_state(dataset.truth), grid)
+    true = steady_state(dataset.truth).curve(grid)
 
     def off(found: np.ndarray) -> float:
         return 100 * float(curve_error(found, true, grid).mean())
 
     def ours() -> float:
-        return off(curves(SINDy().fit(folds.problem, folds.weights, 0)[0], grid))
+        return off(SINDy().fit(folds.problem, folds.weights, 0)[0].curve(grid))
 
     def theirs() -> float:
         return off(friction_curves(dataset, _recordings()[0], grid))

@@ -31,7 +31,7 @@ from rich.table import Table
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS
-from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
+from frictionid.evaluation import curve_error, steady_state, velocity_grid
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws import Stribeck as StribeckLaw
@@ -119,8 +119,8 @@ def error_of(theta: np.ndarray, law: str, dataset: Dataset) -> np.ndarray:
     """Curve error of each joint, as everywhere in frictionid."""
     moved = np.concatenate([r.truth.velocity.value for r in dataset.recordings])
     grid = velocity_grid(moved)
-    estimate = curves(Friction(LAWS[law], theta), grid)
-    return curve_error(estimate, curves(steady_state(dataset.truth, SHARP), grid), grid)
+    estimate = Friction(LAWS[law], theta).curve(grid)
+    return curve_error(estimate, steady_state(dataset.truth, SHARP).curve(grid), grid)
 
 
 def runs_of(truth: str, dataset: Dataset, ways: list[str], say: Console) -> list[Run]:

@@ -139,10 +139,10 @@ class Fit(Shown):
         else:
             w = np.array(numbers("velocity", velocity))
             grid = np.repeat(w[:, None], self.friction.n, axis=1)
-        out = {}
+        out, torque = {}, self.friction.curve(grid)
         for j in range(self.friction.n):
             out[f"velocity{j + 1}"] = grid[:, j]
-            out[f"friction{j + 1}"] = self.friction.curve(grid[:, j])[:, j]
+            out[f"friction{j + 1}"] = torque[:, j]
         return pd.DataFrame(out)
 
     def predict(

@@ -26,7 +26,6 @@ from frictionid.errors import InputError
 from frictionid.evaluation import (
     SCORE_COLUMNS,
     Prepared,
-    curves,
     score_frame,
     steady_state,
     true_friction,
@@ -89,7 +88,7 @@ def descriptions_of(prepared_benchmarks: Mapping[str, PreparedBenchmark]) -> dic
 def _about(prepared: Prepared) -> dict[str, Any]:
     dataset, grid, w = prepared.dataset, prepared.grid, prepared.speeds
     mechanism = dataset.mechanism
-    truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
+    truth = None if dataset.truth is None else steady_state(dataset.truth).curve(grid)
     density = [np.histogram(w[:, j], 60, (grid[0, j], grid[-1, j]))[0] for j in range(w.shape[1])]
     return {
         "mechanism": mechanism.table,

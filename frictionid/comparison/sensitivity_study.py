@@ -19,7 +19,6 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError, located
 from frictionid.evaluation import (
     curve_error,
-    curves,
     prepare,
     score_model,
     score_value,
@@ -218,9 +217,9 @@ def _run(case: Case, grid: Array) -> dict[str, Any]:
         friction = fit_model(wrong, task.identifier, task.recipe, protocol, task.seed)
         scores = score_model(friction, prepare(judged, protocol)).scores
     horizon = protocol.horizons[0]
-    estimate, error, truth = curves(friction, grid), None, task.benchmark.dataset.truth
+    estimate, error, truth = friction.curve(grid), None, task.benchmark.dataset.truth
     if truth is not None:
-        error = curve_error(estimate, curves(steady_state(truth), grid), grid)
+        error = curve_error(estimate, steady_state(truth).curve(grid), grid)
     return {
         "loss": score_value(scores, "one_step_euler", "mean"),
         "rollout": score_value(scores, "rollout_angle", "median", horizon),

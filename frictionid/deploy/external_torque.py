@@ -156,7 +156,7 @@ def momentum_observer_of(
         raise InputError("external torque: it is found on machines whose base stands still")
     plant = plant_of(dataset) if calibration is None else calibrated_plant(dataset, calibration)
     slow = np.abs(mechanism.friction_map) @ np.array(plant.slow)
-    level = np.array([abs(friction.curve(slow[j : j + 1])[0, j]) for j in range(len(slow))])
+    level = np.abs(friction.curve(slow[None])[0])
     members = members_of(friction, mechanism, np.asarray(plant.p[run], dtype=float))
     return MomentumObserver(friction, plant[run], members, _DELAYS / response, slow, level)
 

@@ -3,7 +3,6 @@
 from .curves import (
     curve_error,
     curve_scores,
-    curves,
     steady_state,
     true_calibration,
     true_friction,

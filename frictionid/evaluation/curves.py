@@ -38,12 +38,6 @@ def slow_speed(fast: Array) -> Array:
     return np.minimum(_SLOW, _SHARE * fast)
 
 
-def curves(friction: Friction, grid: Array) -> Array:
-    """Steady-state torque of each joint on its own velocity grid (V, n): (..., V, n) [N m]."""
-    joints = [friction.curve(grid[:, j])[..., j] for j in range(friction.n)]
-    return np.stack(joints, axis=-1)
-
-
 def curve_error(estimate: Array, truth: Array, grid: Array) -> Array:
     """RMS(estimate - truth)/RMS(truth) of each joint, shape (..., n), without slow speeds.
 
@@ -181,7 +175,7 @@ def beyond_motion(friction: Friction, grid: Array) -> Beyond:
         levels.append(friction.law.limit(theta, x, friction.law.start(theta, x)))
     shape = (len(theta), friction.n)
     whole = [np.broadcast_to(np.asarray(level, dtype=float), shape) for level in levels]
-    return Beyond(velocity, np.asarray(curves(friction, velocity)), np.stack(whole, axis=1))
+    return Beyond(velocity, np.asarray(friction.curve(velocity)), np.stack(whole, axis=1))
 
 
 def lowest_dissipation(velocity: Array, torque: Array) -> Array:

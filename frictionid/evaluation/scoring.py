@@ -19,7 +19,7 @@ from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Law, along, along_own, present
 
-from .curves import curve_error, curve_scores, curves, dissipated, steady_state
+from .curves import curve_error, curve_scores, dissipated, steady_state
 from .folds import Folds
 from .free_run import free_run, free_run_scores, trajectory_folds
 from .initial_states import InitialStates, initial_state_folds
@@ -199,11 +199,11 @@ def _scored(
         scores += rollout_scores(ideal, true, held, units, true=True)
     if prepared.trajectory is not None:
         scores += _free_run_scores(model, held_out.recordings)
-    lines = np.concatenate([curves(model.friction, grid), curves(overall, grid)[None]])
+    lines = np.concatenate([model.friction.curve(grid), overall.curve(grid)[None]])
     if overall.mechanism:
         lines = np.full_like(lines, np.nan)
     elif prepared.dataset.truth is not None:
-        true_curves = curves(steady_state(prepared.dataset.truth), grid)
+        true_curves = steady_state(prepared.dataset.truth).curve(grid)
         scores += curve_scores(curve_error(lines, true_curves, grid))
     scores.append(_parameter_count(model.friction))
     if friction_of == "all":

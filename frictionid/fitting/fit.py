@@ -191,7 +191,7 @@ class Fit:
             both = (
                 replace(self.fitted, theta=theta + s * step, calibration=None) for s in (1.0, -1.0)
             )
-            up, down = (friction.curve(w[:, j])[..., j] for friction in both)
+            up, down = (friction.curve(w)[..., j] for friction in both)
             out[:, j, columns] = ((up - down) / (2 * step.sum(axis=(1, 2))[:, None])).T
         return out
 
@@ -219,7 +219,7 @@ class Fit:
         covariance, friction, w = self.covariance, self.friction, BEYOND * grid
         unnamed = "friction" if friction.law.is_network else ""
         named = [k for k, p in enumerate(covariance.parameters) if p.block != unnamed]
-        curve = np.stack([friction.curve(w[:, j])[:, j] for j in range(friction.n)], axis=-1)
+        curve = friction.curve(w)
         return replace(
             self.diagnostics or Estimates(),
             parameters=tuple(_estimates(covariance, dataset, named)),

@@ -190,14 +190,14 @@ class Friction:
         return replace(self, law=law, theta=theta, provenance=source, constraints=None)
 
     def curve(self, w: Array, settle: float = 5.0) -> Array:
-        """Steady-state friction torque of each joint at velocities w (V,), shape (..., V, n) [N m].
+        """Steady-state friction torque (..., V, n) [N m] at velocities (V,), or of each (V, n).
 
         Numerical smoothing of sgn(w) is left out, as in the physics step. Laws that depend on the
         temperature are at their reference.
         Laws with memory are held at each velocity for `settle` seconds before they are read.
         """
         theta, law = self.theta[..., None, :, :], self.law.sharpened()
-        columns = np.repeat(np.asarray(w, dtype=float)[:, None], self.n, axis=1)
+        columns = np.broadcast_to(np.asarray(w, dtype=float).T, (self.n, len(w))).T
         x = at_rest(like(columns, theta))
         memory = law.start(theta, x)
         if memory:

@@ -17,7 +17,6 @@ from frictionid.evaluation import (
     Split,
     curve_error,
     curve_scores,
-    curves,
     make_folds,
     prepare,
     score_folds,
@@ -205,10 +204,10 @@ def test_the_error_is_that_of_its_definition_and_blind_to_slow_speeds():
 
 
 def test_errors_of_a_batch_are_those_of_each(prepared):
-    true = curves(steady_state(TRUTH), prepared.grid)
+    true = steady_state(TRUTH).curve(prepared.grid)
     batch = viscous(0.0, 0.01)
-    together = curve_error(curves(batch, prepared.grid), true, prepared.grid)
-    each = [curve_error(curves(batch[f], prepared.grid), true, prepared.grid) for f in (0, 1)]
+    together = curve_error(batch.curve(prepared.grid), true, prepared.grid)
+    each = [curve_error(batch[f].curve(prepared.grid), true, prepared.grid) for f in (0, 1)]
     assert_array_equal(together, each)
 
 
@@ -221,9 +220,9 @@ def test_the_grid_of_simulated_data_is_that_of_the_true_velocities(prepared):
 
 def test_the_true_curve_is_that_of_the_simulation(prepared):
     w = prepared.grid[np.abs(prepared.grid[:, 0]) > 0.1]
-    assert_allclose(curves(steady_state(TRUTH), w), true_torque(w), rtol=1e-4)
+    assert_allclose(steady_state(TRUTH).curve(w), true_torque(w), rtol=1e-4)
     truth, fast = true_friction(TRUTH), prepared.grid[np.abs(prepared.grid[:, 0]) > 0.25]
-    assert_allclose(curves(truth, fast), true_torque(fast), rtol=1e-9)
+    assert_allclose(truth.curve(fast), true_torque(fast), rtol=1e-9)
 
 
 def test_rows_of_curves_name_fold_and_joint_and_leave_out_what_is_not_defined():

@@ -54,6 +54,8 @@ def test_curve_is_the_torque_of_settled_motion():
     settled = (level + peak * np.exp(-((speed / ws) ** 2))) * np.sign(w)[:, None]
     assert_allclose(FILM.curve(w), settled + viscous * w[:, None], rtol=1e-9)
     assert_allclose(SAMPLED.curve(w), w[:, None] * [0.2, 0.1])
+    each = np.stack([w, 2 * w], axis=1)  # velocities of each joint
+    assert_array_equal(FILM.curve(each)[:, 1], FILM.curve(2 * w)[:, 1])
     slow = Friction(Follower(), np.ones((1, 1)))  # its memory starts away from the steady state
     assert_allclose(slow.curve(w)[:, 0], w, rtol=1e-9)
     assert_allclose(slow.curve(w, settle=0.1)[:, 0], w * -np.expm1(-1.0), rtol=1e-9)

@@ -17,7 +17,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.envelope import Envelope
-from frictionid.evaluation.curves import curves
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws import Cogging, CoulombViscous, Dahl, LuGre, Quadratic, Sum
 
@@ -96,7 +95,7 @@ def uneven(model: ExportedFriction) -> Array:
         return np.zeros(model.friction.n)
     w, _, fast = sliding(model)
     sharp = replace(model.friction, law=model.friction.law.sharpened())
-    both = (curves(sharp, w) + curves(sharp, -w)) / 2
+    both = (sharp.curve(w) + sharp.curve(-w)) / 2
     return np.asarray(np.mean(both, axis=0, where=fast | ~fast.any(axis=0)))
 
 

@@ -13,7 +13,7 @@ from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
-from frictionid.evaluation.curves import POINTS, curves, slow_speed
+from frictionid.evaluation.curves import POINTS, slow_speed
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction, Law, along, at_rest
@@ -83,7 +83,7 @@ def sliding(model: ExportedFriction) -> tuple[Array, Array, Array]:
     elif model.speeds:
         w = np.linspace(-1.0, 1.0, POINTS)[:, None] * np.array(model.speeds)
         with np.errstate(over="ignore", invalid="ignore"):  # refused below
-            torque = curves(sharp, w)
+            torque = sharp.curve(w)
     else:
         raise InputError(
             f"{type(model.law).__name__}: the speeds are not known at which a simpler law is to "
@@ -107,7 +107,7 @@ def differs(model: ExportedFriction, held: Friction) -> bool:
     if model.law.has_memory or model.nearest is not None or followed(model):
         return True
     w, torque, _ = sliding(model)
-    off = np.abs(curves(held, w) - torque)
+    off = np.abs(held.curve(w) - torque)
     return bool(off.max() > _SAME * max(float(np.abs(torque).max()), 1e-12))
 
 

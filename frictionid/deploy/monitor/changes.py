@@ -77,7 +77,7 @@ class Reference(NamedTuple):
     @property
     def level(self) -> Array:
         """Friction (n,) at the usual speed [N m], at least a thousandth of the largest."""
-        level = np.abs(np.diagonal(self.friction.curve(self.speeds[:, 1])))
+        level = np.abs(self.friction.curve(self.speeds[None, :, 1])[0])
         return np.maximum(level, 1e-3 * level.max() + 1e-12)
 
 
@@ -119,7 +119,7 @@ def in_proportion(reference: Reference) -> Array:
     """Effects (n, D) that change the friction of each joint in proportion to itself."""
     n, places = len(reference.level), np.arange(len(reference.level))
     w = np.linspace(-1.0, 1.0, _SPEEDS)[:, None] * reference.speeds[:, 2]
-    curves = np.stack([reference.friction.curve(w[:, j])[:, j] for j in places])
+    curves = reference.friction.curve(w).T
     shapes = parts_at(w, reference.speeds).reshape(n, len(PARTS), _SPEEDS, n)[places, :, :, places]
     out = np.zeros((n, n, len(PARTS)))
     out[places, places] = (np.linalg.pinv(shapes.swapaxes(1, 2)) @ curves[..., None])[..., 0]

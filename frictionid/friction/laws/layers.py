@@ -140,7 +140,8 @@ def cells_after(weights: Array, z: Array, memory: Memory) -> tuple[Array, Array]
     h, c = (xp.stack(part, axis=-1) for part in (memory[:H], memory[H:]))
     both = beside(z, h)
     gates = outputs(weights, both, (both.shape[-1], 4 * H))
-    take, keep, give = (rise(gates[..., k * H : (k + 1) * H]) for k in range(3))
+    shares = rise(gates[..., : 3 * H])
+    take, keep, give = (shares[..., k * H : (k + 1) * H] for k in range(3))
     c = keep * c + take * xp.tanh(gates[..., 3 * H :])
     return give * xp.tanh(c), c
 

@@ -8,7 +8,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import EstimatedStates, curves, speeds, steady_state, velocity_grid
+from frictionid.evaluation import EstimatedStates, speeds, steady_state, velocity_grid
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
@@ -193,8 +193,8 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
     """
     w = speeds(dataset, EstimatedStates(dataset).by(INTEGRAL.states))
     grid, description = velocity_grid(w), dataset.mechanism
-    curve, half = curves(friction, grid), _half_widths(friction, grid)
-    truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
+    curve, half = friction.curve(grid), _half_widths(friction, grid)
+    truth = None if dataset.truth is None else steady_state(dataset.truth).curve(grid)
     picture, panels = panel_grid(len(description.friction_names), 2, 2.8, 0.4)
     for j, axes in enumerate(panels):
         _panel(axes, grid[:, j], curve[:, j], None if half is None else half[:, j])

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.dynamics.law_derivatives import TensorLaw
 from frictionid.evaluation import Protocol, prepare, score_model, score_value
-from frictionid.evaluation.curves import curves, steady_state
+from frictionid.evaluation.curves import steady_state
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import Settings, Shooting, refine, refine_folds
 from frictionid.fitting.shooting.network_curves import curve_of, distance, network_of
@@ -140,8 +140,8 @@ def test_bands_tell_how_sure_the_curve_is_and_no_weight_is_reported():
     w = np.linspace(1.0, 6.0, 11)[:, None]
     point, whole = found.bands(w)
     assert (point > 0).all() and (whole >= point).all()
-    true = curves(steady_state(dataset.truth), w)
-    assert (np.abs(curves(found.friction, w) - true) < 3 * whole).all()
+    true = steady_state(dataset.truth).curve(w)
+    assert (np.abs(found.friction.curve(w) - true) < 3 * whole).all()
     assert found.bands(np.array([[30.0]]))[0] > point.max()
     blocks = {e.block for e in found.estimates(dataset, w).parameters}
     assert "delay" in blocks and "friction" not in blocks
