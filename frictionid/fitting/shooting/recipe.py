@@ -17,7 +17,7 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.data.calibration import Calibration, stack_calibrations, with_calibrated_servos
 from frictionid.data.recordings import Dataset
-from frictionid.errors import InputError
+from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import with_units_of
 
@@ -27,7 +27,7 @@ from ..one_step.formulation import INTEGRAL, Recipe, TrainingData
 from ..one_step.one_step_fit import checked, checked_fit, one_step_fit
 from ..one_step.residual import Problem
 from ..parameter_block import ParameterBlock
-from .refine import fit_blocks
+from .refine import fit_as_begun, fit_blocks
 from .sample_intervals import Intervals
 from .servo import has_actuator
 from .settings import DEFAULT_BLOCKS, Settings
@@ -171,7 +171,7 @@ def refine_folds(
         all data
 
     Each fold is fitted from its own one-step fit, so that nothing of it depends on the recordings
-    that it holds out: neither its optimum, nor the way there.
+    that it holds out: neither its optimum, nor the way there. A fold whose fit fails keeps that.
     """
     blocks, starts = recipe.blocks, [friction[f] for f in range(len(training))]
     if recipe.held is not None:
@@ -182,11 +182,20 @@ def refine_folds(
         if not has_actuator(blocks):
             dataset = with_calibrated_servos(intervals.dataset, held)
             intervals = replace(intervals, dataset=dataset)
-    results = [
-        fit_blocks(start, intervals, blocks, recipe.settings, use)
-        for start, use in zip(starts, training > 0, strict=True)
-    ]
-    return with_folds(results)
+    results, failed = list[Fit](), list[str]()
+    for fold, (start, use) in enumerate(zip(starts, training > 0, strict=True), start=1):
+        fitted = start, intervals, blocks, recipe.settings, use
+        try:
+            results.append(fit_blocks(*fitted))
+        except NoFitError as error:
+            if fold == len(training):
+                raise
+            results.append(fit_as_begun(*fitted))
+            failed.append(f"Fold {fold} keeps the fit that it began with: {error}")
+    whole = with_folds(results)
+    assert whole.diagnostics is not None
+    warnings = *whole.diagnostics.warnings, *failed
+    return replace(whole, diagnostics=replace(whole.diagnostics, warnings=warnings))
 
 
 def with_folds(fits: Sequence[Fit]) -> Fit:

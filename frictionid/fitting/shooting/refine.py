@@ -46,7 +46,7 @@ from .problem import shooting_problem
 from .sample_intervals import Intervals, intervals_of
 from .servo import has_actuator, with_servo
 from .settings import DEFAULT_BLOCKS, Settings, applicable
-from .stages import Stage, begun, solved, that_may_be_free, with_neutral
+from .stages import Stage, begun, prepare_fit, solved, that_may_be_free, with_neutral
 from .window_steps import linearised_at
 from .windows import Solution, eliminate_states
 
@@ -186,6 +186,19 @@ def fit_blocks(
             stage = solved(fewer)
         except NoFitError as error:
             return refined_by(stage.ending(error), friction)
+
+
+def fit_as_begun(
+    friction: Friction,
+    intervals: Intervals,
+    blocks: Sequence[ParameterBlock],
+    settings: Settings,
+    use: Array,
+) -> Fit:
+    """What `fit_blocks` begins with, with its calibration."""
+    blocks = on_support(applicable(blocks, intervals.dataset, friction.law), friction)
+    _, estimate = prepare_fit(friction, intervals, blocks, settings, use)
+    return Fit(replace(friction, calibration=estimate.calibration, parameters={}))
 
 
 def refined_by(stage: Stage, start: Friction) -> Fit:

@@ -15,10 +15,13 @@ from numpy.testing import assert_allclose
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipe_of, recipes_of
+from frictionid.errors import NoFitError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
-from frictionid.fitting.shooting import Settings, Shooting
+from frictionid.fitting.shooting import Settings, Shooting, refine_folds
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.simulate import write_dataset
 
@@ -189,3 +192,19 @@ def test_unknown_parameters_to_fix_are_named():
     recipe = recipe_of(RecipeEntry(name="ours", by="shooting", fixed=["friction.viscos"]))
     with assert_refused("has no parameter 'viscos' to fix"):
         run(benchmark(), LeastSquares(CoulombViscous()), recipe)
+
+
+def test_a_fold_whose_fit_fails_keeps_what_it_began_with_and_costs_no_other_one():
+    intervals = intervals_of(dataset())
+    training = np.ones((3, len(intervals.dt)))
+    training[:2] = intervals.recording[None] != np.arange(2)[:, None]
+    theta = np.stack([TRUE * [[1.0, 1e12]], TRUE, TRUE])
+    start = Friction(CoulombViscous(), theta)
+    fit = refine_folds(start, intervals, BOTH, training)
+    assert_allclose(fit.folds.theta[0], theta[0])
+    assert_allclose(fit.folds.theta[1:, 0, 0], TRUE[0, 0], rtol=0.06)
+    assert fit.folds.calibration.delay[0] == 0.0 != fit.folds.calibration.delay[1]
+    (warning,) = (w for w in fit.diagnostics.warnings if "Fold 1 keeps" in w)
+    assert "substeps" in warning
+    with pytest.raises(NoFitError):
+        refine_folds(start[::-1], intervals, BOTH, training[::-1])
