@@ -38,7 +38,7 @@ class Play(CombinedLaw):
 
     `gap` [rad] is how far the joint moves between the sides, where `law` does not act. Memory is
     the place z [rad] between them. It starts at the side to which the joint moves, in the middle
-    where it is at rest.
+    where it is at rest. The smallest gap, 0.1 mrad, is none: `law` acts all the time.
 
     >>> Play().names
     ('coulomb', 'viscous', 'gap')
@@ -103,7 +103,8 @@ class Play(CombinedLaw):
 
     def _share(self, theta: Array, x: Inputs, memory: Memory, half: Array) -> Array:
         """Share (..., n) of the friction behind the play that acts on the joint."""
-        xp = namespace(theta, x.w)
+        xp, gap = namespace(theta, x.w), theta[..., len(self.inner.names)]
         ahead = xp.where(x.w >= 0.0, memory[0], -memory[0])
-        share = (ahead - theta[..., len(self.inner.names)] / 2 + half) / (2 * half)
+        share = (ahead - gap / 2 + half) / (2 * half)
+        share = xp.where(gap <= _GAP.low, 1.0 + 0.0 * share, share)
         return xp.minimum(xp.maximum(share, 0.0 * share), 1.0 + 0.0 * share)

@@ -41,6 +41,15 @@ def test_its_place_is_that_of_the_play_operator():
     assert_allclose(found, sharp, atol=1e-4)
 
 
+def test_without_a_gap_it_is_the_law_behind_wherever_the_joint_stands():
+    plain, none = CoulombViscous(), THETA * [[1.0, 1.0, 0.0]] + [[0.0, 0.0, 1e-4]]
+    x = at_rest(np.linspace(-2.0, 2.0, 41)[:, None])
+    for place in (-1.0, 0.0, 1e-5):
+        memory = (np.full_like(x.w, place),)
+        assert_allclose(Play().torque(none, x, memory), plain.torque(THETA[:, :2], x, ()))
+        assert_allclose(Play().limit(none, x, memory), plain.limit(THETA[:, :2], x, ()))
+
+
 TURN = 0.5 * np.cos(np.linspace(0.0, np.pi, 12000))  # [rad/s], from one side to the other
 
 
