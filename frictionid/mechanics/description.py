@@ -193,15 +193,22 @@ def combination(e: sp.Expr, terms: Sequence[sp.Expr]) -> list[sp.Expr] | None:
 
 
 def bearing_forces(d: Description, a: Sequence[sp.Symbol]) -> list[sp.Expr]:
-    """Forces x_1, y_1, x_2, y_2, ... that each joint transmits to the bodies beyond it."""
+    """Forces x_1, y_1, x_2, y_2, ... that each joint's bearing bears of the bodies beyond it.
+
+    A guide bears no force along itself: that is the motor's.
+    """
     forces = []
-    for joint in range(len(d.q)):
+    for joint, q in enumerate(d.q):
         beyond = [body for body in d.bodies if body.joint >= joint]
-        for axis in ("x", "y"):
-            total = sp.Integer(0)
-            for body in beyond:
-                rate = _rate(getattr(body, axis), d.q, d.w)
+        total = [sp.Integer(0), sp.Integer(0)]
+        for body in beyond:
+            for axis, (place, g) in enumerate(((body.x, 0), (body.y, d.gravity))):
+                rate = _rate(place, d.q, d.w)
                 change = _rate(rate, d.q, d.w) + _rate(rate, d.w, a)
-                total += body.mass * (change + (d.gravity if axis == "y" else 0))
-            forces.append(total)
+                total[axis] += body.mass * (change + g)
+        if beyond and d.position_units[joint : joint + 1] == ("m",):
+            x, y = (sp.diff(place, q) for place in (beyond[0].x, beyond[0].y))
+            along = (total[0] * x + total[1] * y) / (x**2 + y**2)
+            total = [total[0] - along * x, total[1] - along * y]
+        forces += total
     return forces

@@ -161,8 +161,9 @@ class Mechanism(ABC):
     def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
         """Bearing force of each joint in friction-free motion, shape (..., n) [N].
 
-        The force that the joint transmits to all bodies beyond it, sum m (a - g), as load-dependent
-        friction laws need it. It depends on physical parameters, not on base parameters alone.
+        The force that the joint transmits to all bodies beyond it, sum m (a - g), of one that
+        slides only what is across it, as load-dependent friction laws need it. It depends on
+        physical parameters, not on base parameters alone.
         """
 
     def points(self, q: Array) -> Array | None:
