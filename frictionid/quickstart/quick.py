@@ -117,19 +117,31 @@ BY_TORQUES = Plan(
 def plan_for(dataset: Dataset) -> Plan:
     """The plan of a data set: `motor_load` is a candidate where a motor drives.
 
-    Where none does, drag of the air is, `quadratic`.
+    Where none does, drag is, `quadratic`, and where no load changes, as of a carriage: there
+    `load_dependent` is Coulomb friction.
     Of many joints angles are compared in fewer folds, without friction by direction.
     """
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
         return BY_TORQUES
     many = dataset.mechanism.n > _FAST
     laws = tuple(law for law in BY_ANGLES.laws if not (many and law.label == _BY_DIRECTION["name"]))
-    if not is_driven(dataset):
-        laws = tuple(_DRAG if law.label == "motor_load" else law for law in laws)
+    idle = {"motor_load": not is_driven(dataset), "load_dependent": not _load_changes(dataset)}
+    laws = tuple(dict.fromkeys(_DRAG if idle.get(law.label) else law for law in laws))
     return BY_ANGLES._replace(laws=laws, folds=BY_TORQUES.folds if many else BY_ANGLES.folds)
 
 
+def _load_changes(dataset: Dataset) -> bool:
+    """Whether any joint's load changes with position, speed or recording."""
+    machine, fast = dataset.mechanism, dataset.scales.fast
+    if machine.loads_of_gears:
+        return True
+    states = [(r.parameters, r.angle.value, w) for r in dataset.recordings for w in (0.0, fast)]
+    load = np.concatenate([machine.load(p, q, 0.0 * q + w, 0.0 * q) for p, q, w in states])
+    return bool((np.ptp(load, axis=0) > _ROUNDING * load.max(axis=0)).any())
+
+
 (_DRAG,) = _laws("quadratic")
+_ROUNDING = 1e-9
 _FAST = 2  # joints, above which a fit by angles takes many seconds
 _FEWEST = 3  # recordings, below which stretches of time are held out
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion

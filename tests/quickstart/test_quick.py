@@ -26,6 +26,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.servo import open_loop
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction.laws import Spline
+from frictionid.mechanics import linear_axis
 from frictionid.quickstart.quick import BY_ANGLES, plan_for, quick, shortened
 from frictionid.quickstart.quick_report import against_nominal, quick_figure, quick_json, verdict
 from frictionid.report.figures.style import png
@@ -289,6 +290,16 @@ def test_the_share_of_a_motor_is_a_candidate_where_a_motor_drives():
     offered = [plan_for(data) for data in (logged, driven, passive)]
     assert ["motor_load" in plan.steps for plan in offered] == [True, True, False]
     assert ["quadratic" in plan.steps for plan in offered] == [False, False, True]
+
+
+@pytest.mark.parametrize("torque", [np.ones_like, np.zeros_like])
+def test_drag_is_a_candidate_where_the_load_never_changes(torque):
+    axis = replace(changed(subset(tiny(), 0, 2), "torque", torque), mechanism=linear_axis(mass=2.0))
+    assert "load_dependent" not in plan_for(axis).steps
+    assert plan_for(axis).steps.count("quadratic") == 1
+    masses = {r.name: 1.0 + k for k, r in enumerate(axis.recordings)}
+    loaded = each(axis, lambda r: replace(r, parameters={"mass": masses[r.name]}))
+    assert "load_dependent" in plan_for(loaded).steps
 
 
 # --- As much as takes a minute --------------------------------------------------------------------
