@@ -22,6 +22,7 @@ from script import call
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset
+from frictionid.errors import NoFitError
 from frictionid.evaluation import score_value
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Law
@@ -85,8 +86,11 @@ def hidden(motion: Motion, seeds: Sequence[int]) -> list[Dataset]:
 
 
 def error(model: fid.Fit, test: Dataset) -> float:
-    """Median error [rad] after the horizon."""
-    scores = fid.evaluate(model, test, horizons=(HORIZON,))
+    """Median error [rad] after the horizon, infinite where no step can follow the model."""
+    try:
+        scores = fid.evaluate(model, test, horizons=(HORIZON,))
+    except NoFitError:
+        return np.inf
     return score_value(scores, "rollout_angle", "median", HORIZON)
 
 
