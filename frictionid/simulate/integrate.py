@@ -220,7 +220,7 @@ def advance(
     if over.size:
         mode = mode.copy()
         end[:, over], mode[over] = _through_events(
-            system, y[:, over], u[over], mode[over], np.full(over.size, step)
+            system, y[:, over], u[over], mode[over], np.full(over.size, step), end[:, over]
         )
     return end, mode
 
@@ -247,13 +247,12 @@ def derivative(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
 
 
 def _through_events(
-    system: TrueSystem, y: Array, u: Array, mode: Array, left: Array
+    system: TrueSystem, y: Array, u: Array, mode: Array, left: Array, end: Array
 ) -> tuple[Array, Array]:
-    """State and mode at the end of a step with events, `left` (R,) [s] later."""
+    """State and mode after a step with events, `left` (R,) [s] later; `end`, were there none."""
     y, mode, left = y.copy(), mode.copy(), left.copy()
     at = np.arange(len(left))
     for _ in range(_MAX_EVENTS):
-        end = runge_kutta(system, y[:, at], u[at], mode[at], left[at])
         over = (margins(system, end, u[at], mode[at]) < 0).any(axis=-1)
         y[:, at[~over]] = end[:, ~over]
         at = at[over]
@@ -262,6 +261,7 @@ def _through_events(
         used, y[:, at] = _first_event(system, y[:, at], u[at], mode[at], left[at], end[:, over])
         mode[at] = next_modes(system, y[:, at], u[at])
         left[at] -= used
+        end = runge_kutta(system, y[:, at], u[at], mode[at], left[at])
     y[:, at] = runge_kutta(system, y[:, at], u[at], np.sign(y[1, at]), left[at])
     mode[at] = next_modes(system, y[:, at], u[at])
     return y, mode
