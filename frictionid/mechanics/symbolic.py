@@ -246,7 +246,7 @@ def _columns(entries: Sequence[Array], zero: Array) -> Array:
     """Entries side by side (..., k), of which some are constants; zero is of the states' shape."""
     if type(zero) is not np.ndarray:
         return namespace(zero).stack([entry + zero for entry in entries], axis=-1)
-    shapes = {zero.shape, *(np.shape(entry) for entry in entries)} - {()}
+    shapes = {zero.shape, *(getattr(entry, "shape", ()) for entry in entries)} - {()}
     shape = np.broadcast_shapes(*shapes) if len(shapes) > 1 else zero.shape
     out = np.empty((*shape, len(entries)), np.result_type(zero, *entries))
     for i, entry in enumerate(entries):

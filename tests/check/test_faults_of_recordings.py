@@ -17,8 +17,8 @@ from frictionid.check import check
 
 @pytest.fixture(scope="module")
 def cases():
-    rigs, rng = pool.pool(seed=0), np.random.default_rng(5)
-    return [pool.case(rig, rng, driven=4) for rig in rigs[:4]]
+    rigs, rng = pool.pool(0, 4), np.random.default_rng(5)
+    return [pool.case(rig, rng, driven=4) for rig in rigs]
 
 
 def turned(r):

@@ -160,7 +160,7 @@ def test_a_current_that_is_zero_but_for_some_readings(arm, table):
     silent = np.where(draw.random(len(table)) < 0.1, 0.002 * draw.integers(-3, 4, len(table)), 0.0)
     found = kinds(judged(arm, table.assign(u1=silent)))
     assert list(found) == ["dead_torque"] and found["dead_torque"].joint == 1
-    off = np.where(table["t"] < 8.0, 0.0, table["u1"])
+    off = np.where(table["t"] < 6.0, 0.0, table["u1"])
     assert "dead_torque" not in kinds(judged(arm, table.assign(u1=off)))
 
 

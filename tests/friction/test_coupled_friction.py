@@ -21,7 +21,7 @@ TRUE = np.stack([wrist.COULOMB, wrist.VISCOUS], axis=-1)  # of three joints and 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
     arm = wrist.mechanism(tmp_path_factory.mktemp("wrist"))
-    return wrist.dataset(arm, wrist.frame(arm))
+    return wrist.dataset(arm, wrist.frame(arm, 14.0))
 
 
 def test_places_where_parts_slide_have_names_and_velocities(dataset):

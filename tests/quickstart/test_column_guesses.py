@@ -178,7 +178,7 @@ def test_noise_and_motion_tell_a_held_torque_from_samples_of_one_that_is_not(rat
     """Rows are 10 ms apart; the drive changes its torque at this rate."""
     runs = (Run(f"{k}", (0.3 * k,), torques=(Sine(0.5, 0.8 + 0.3 * k),)) for k in range(3))
     camera, drive = Camera(601, 100.0, 2e-4), Drive(rate, torque_noise=0.004)
-    data = simulated(0.03, 0.01, camera, runs, length=0.2, substeps=32, drive=drive)
+    data = simulated(0.03, 0.01, camera, runs, length=0.2, drive=drive)
     for recording in data.recordings:
         time, u = recording.angle.time, recording.torque
         at = np.searchsorted(u.time, time + 1e-9) - 1
