@@ -129,8 +129,8 @@ def constraints_of(
     """Constraints (..., n, P) of a law's parameters on joints with a range of speeds (..., n).
 
     Neutral values are those of the law, see the top of this file. A law's velocity that it bounds
-    by (0, inf) lies between the slowest speed that the data resolve and three times the fastest
-    one: slower effects pass between two samples.
+    by (0, inf) lies between the slowest speed that the data show and resolve and three times the
+    fastest one: slower effects pass between two samples, or before the motion is so slow.
 
     bounds : given bounds by parameter name, in place of these
     prior : mean and standard deviation by parameter name, in place of the neutral value

@@ -135,15 +135,18 @@ def _usual(
 
 
 def speed_range(problem: Problem, weights: Array) -> tuple[Array, Array]:
-    """Speeds (F, n) that the rows with weights (F, K) resolve: usual slowest, and fastest one."""
+    """Slowest and fastest speeds (F, n) of the rows with weights (F, K), and that they resolve."""
     use = weights > 0
-    w = np.abs(problem.nodes.inputs.w[problem.stencil]).max(axis=1)
-    fastest = np.stack([w[rows].max(axis=0, initial=0.0) for rows in use])
+    w = np.abs(problem.nodes.inputs.w[problem.stencil])
+    fastest = np.stack([w[rows].max(axis=(0, 1), initial=0.0) for rows in use])
+    least = np.stack([w[rows].min(axis=(0, 1), initial=np.inf) for rows in use])
     if not np.ndim(problem.slowest):
-        return _SLOWEST * fastest, fastest
-    recordings = [np.unique(problem.recording[rows]) for rows in use]
-    slowest = [np.median(np.asarray(problem.slowest)[which], axis=0) for which in recordings]
-    return np.maximum(np.stack(slowest), 1e-6 * fastest), fastest
+        resolved = _SLOWEST * fastest
+    else:
+        recordings = [np.unique(problem.recording[rows]) for rows in use]
+        usual = [np.median(np.asarray(problem.slowest)[which], axis=0) for which in recordings]
+        resolved = np.maximum(np.stack(usual), 1e-6 * fastest)
+    return np.maximum(resolved, np.minimum(least, fastest)), fastest
 
 
 def mask_stiction(problem: Problem, velocity_threshold: float | Array | None) -> Problem:

@@ -347,9 +347,10 @@ def that_may_be_free(
 
 
 def _speed_range(intervals: Intervals, use: Array) -> DataRange:
-    """Speeds (m,) that the intervals in use (K,) resolve: usual slowest, and fastest one."""
+    """Slowest and fastest speeds (m,) in the intervals in use (K,), and that they resolve."""
     states = [intervals.states[i] for i in np.unique(intervals.recording[use])]
     turns = turns_of(intervals.dataset.mechanism, intervals.w)
     slowest = np.median([slowest_speeds(s) for s in states], axis=0)
     slowest = of_parts(slowest, None if turns is None else np.abs(turns))
-    return DataRange(slowest, np.abs(of_parts(intervals.w[use], turns)).max(axis=0))
+    speeds = np.abs(of_parts(intervals.w[use], turns))
+    return DataRange(np.maximum(slowest, speeds.min(axis=0)), speeds.max(axis=0))

@@ -94,6 +94,19 @@ def test_so_are_those_of_two_joints():
     assert (np.abs(ends[0].values - ends[1].values)[:8] < 0.5 * ends[1].error[:8]).all()
 
 
+def test_a_peak_of_slower_motion_than_there_is_is_none():
+    """It would be of any height: of exp(-(w/ws)^2) such data show the tail alone."""
+    curve = Curve((0.12,), (0.12,), (0.008,))
+    runs = tuple(Run(f"{k}", (0.5 * k,), (22.0 + k,)) for k in range(4))
+    camera = Camera(61, 60.0, 1e-3)
+    data = simulate(Rig("turns", PENDULUM, Truth(curve), camera, runs, substeps=24))
+    slow = min(np.abs(r.truth.velocity.value).min() for r in data.recordings)
+    found = refine(fitted(problem_of(data)), data)
+    for limits in (fitted(problem_of(data)).constraints, found.fitted.constraints):
+        assert np.ravel(limits.low)[2] == pytest.approx(slow, rel=0.05)
+    assert curve_errors(found.friction, data).max() < 0.1
+
+
 def test_a_velocity_beyond_what_the_data_resolve_ends_there_without_intervals(axis, problem):
     held = fitted(problem, bounds={"stribeck_velocity": (0.3, 10.0)})
     assert 0.3 <= held.theta[0, 2] <= 10.0
