@@ -9,6 +9,6 @@ model_files   fitted models as files
 bam_files     parameter files of BAM as frictions
 """
 
-from .constraints import Constraints, DataRange, Groups, constraints_of, present
+from .constraints import PEAK_SHOWN, Constraints, DataRange, Groups, constraints_of, present
 from .friction import Friction, Nodes, along, along_own, memory_along, memory_at_nodes, units_of
 from .law import Inputs, Law, LawParameter, Memory, at_rest, joined

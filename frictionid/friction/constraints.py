@@ -27,6 +27,7 @@ from .law import Law, LawParameter
 Groups = tuple[tuple[int, ...], ...]  # of joints, from 1
 _FREE = (0.0, float("inf"))
 _BEYOND = 3.0  # times the fastest speed: effects that set in later look like another level
+PEAK_SHOWN = 0.5  # times the slowest speed: of a narrower peak less than exp(-4) = 2 % shows
 
 
 class DataRange(NamedTuple):
@@ -130,7 +131,7 @@ def constraints_of(
 
     Neutral values are those of the law, see the top of this file. A law's velocity that it bounds
     by (0, inf) lies between the slowest speed that the data show and resolve and three times the
-    fastest one: slower effects pass between two samples, or before the motion is so slow.
+    fastest one: slower effects pass between two samples, or are over before motion begins.
 
     bounds : given bounds by parameter name, in place of these
     prior : mean and standard deviation by parameter name, in place of the neutral value

@@ -22,7 +22,7 @@ def arm(tmp_path_factory):
 
 @shared
 def table(arm):
-    return wrist.frame(arm)
+    return wrist.frame(arm, 10.0)
 
 
 def judged(arm, table, *gears, **options):
@@ -81,7 +81,7 @@ def test_friction_of_a_coupled_motor_that_is_not_declared_stays_unexplained(arm,
 
 def test_torques_of_the_load_in_place_of_the_motors(tmp_path):
     single = wrist.uncoupled(tmp_path)
-    table = wrist.frame(single)
+    table = wrist.frame(single, 10.0)
     table[wrist.COLUMNS[1]] *= -1.0
     first = judged(single, table).findings[0]
     assert first.kind == "flipped_torque" and "all torques have the wrong sign" in first.text
@@ -261,7 +261,7 @@ def test_zeros_that_are_off_by_quarter_turns_are_no_wrong_gears(arm, table, turn
 
 def test_the_zero_of_a_vertical_first_axis_does_not_show(tmp_path):
     upright = wrist.mechanism(tmp_path, gravity=[0.0, -9.81, 0.0])
-    verdict = judged(upright, wrist.frame(upright))
+    verdict = judged(upright, wrist.frame(upright, 10.0))
     words = sorted(e.words for e in verdict.model_errors if e.kind == "zero")
     assert words == ["the zero of angle 2", "the zero of angle 3"]
     assert verdict.level == "good"

@@ -20,7 +20,7 @@ from frictionid.data.recordings import Recording
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.errors import InputError
-from frictionid.friction import DataRange, Inputs, Law, Nodes, joined
+from frictionid.friction import PEAK_SHOWN, DataRange, Inputs, Law, Nodes, joined
 from frictionid.friction.coordinates import (
     at_places,
     recorded_inputs,
@@ -135,7 +135,7 @@ def _usual(
 
 
 def speed_range(problem: Problem, weights: Array) -> tuple[Array, Array]:
-    """Slowest and fastest speeds (F, n) of the rows with weights (F, K), and that they resolve."""
+    """Slowest and fastest speeds (F, n) that the rows with weights (F, K) show and resolve."""
     use = weights > 0
     w = np.abs(problem.nodes.inputs.w[problem.stencil])
     fastest = np.stack([w[rows].max(axis=(0, 1), initial=0.0) for rows in use])
@@ -146,7 +146,7 @@ def speed_range(problem: Problem, weights: Array) -> tuple[Array, Array]:
         recordings = [np.unique(problem.recording[rows]) for rows in use]
         usual = [np.median(np.asarray(problem.slowest)[which], axis=0) for which in recordings]
         resolved = np.maximum(np.stack(usual), 1e-6 * fastest)
-    return np.maximum(resolved, np.minimum(least, fastest)), fastest
+    return np.maximum(resolved, np.minimum(PEAK_SHOWN * least, fastest)), fastest
 
 
 def mask_stiction(problem: Problem, velocity_threshold: float | Array | None) -> Problem:

@@ -13,7 +13,7 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.state_estimators import slowest_speeds
 from frictionid.errors import InputError, NoFitError
-from frictionid.friction import DataRange, Friction, constraints_of
+from frictionid.friction import PEAK_SHOWN, DataRange, Friction, constraints_of
 from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.friction.provenance import Dropped
 
@@ -347,10 +347,10 @@ def that_may_be_free(
 
 
 def _speed_range(intervals: Intervals, use: Array) -> DataRange:
-    """Slowest and fastest speeds (m,) in the intervals in use (K,), and that they resolve."""
+    """Slowest and fastest speeds (m,) that the intervals in use (K,) show and resolve."""
     states = [intervals.states[i] for i in np.unique(intervals.recording[use])]
     turns = turns_of(intervals.dataset.mechanism, intervals.w)
     slowest = np.median([slowest_speeds(s) for s in states], axis=0)
     slowest = of_parts(slowest, None if turns is None else np.abs(turns))
     speeds = np.abs(of_parts(intervals.w[use], turns))
-    return DataRange(np.maximum(slowest, speeds.min(axis=0)), speeds.max(axis=0))
+    return DataRange(np.maximum(slowest, PEAK_SHOWN * speeds.min(axis=0)), speeds.max(axis=0))
