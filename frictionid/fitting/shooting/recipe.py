@@ -183,15 +183,15 @@ def refine_folds(
             dataset = with_calibrated_servos(intervals.dataset, held)
             intervals = replace(intervals, dataset=dataset)
     results, failed = list[Fit](), list[str]()
-    for fold, (start, use) in enumerate(zip(starts, training > 0, strict=True), start=1):
+    for fold, (start, use) in enumerate(zip(starts, training > 0, strict=True)):
         fitted = start, intervals, blocks, recipe.settings, use
         try:
             results.append(fit_blocks(*fitted))
         except NoFitError as error:
-            if fold == len(training):
+            if fold == len(training) - 1:
                 raise
             results.append(fit_as_begun(*fitted))
-            failed.append(f"Fold {fold} keeps the fit that it began with: {error}")
+            failed.append(f"fold {fold} keeps the fit that it began with: {error}")
     whole = with_folds(results)
     assert whole.diagnostics is not None
     warnings = *whole.diagnostics.warnings, *failed

@@ -204,7 +204,7 @@ def test_a_fold_whose_fit_fails_keeps_what_it_began_with_and_costs_no_other_one(
     assert_allclose(fit.folds.theta[0], theta[0])
     assert_allclose(fit.folds.theta[1:, 0, 0], TRUE[0, 0], rtol=0.06)
     assert fit.folds.calibration.delay[0] == 0.0 != fit.folds.calibration.delay[1]
-    (warning,) = (w for w in fit.diagnostics.warnings if "Fold 1 keeps" in w)
+    (warning,) = (w for w in fit.diagnostics.warnings if "fold 0 keeps" in w)
     assert "substeps" in warning
     with pytest.raises(NoFitError):
         refine_folds(start[::-1], intervals, BOTH, training[::-1])
