@@ -39,7 +39,7 @@ from frictionid.friction.laws import (
 from frictionid.simulate import Camera, Rig, Run, simulate
 
 HORIZON = 0.5  # [s]
-RECORDINGS, TESTS = 6, 60  # errors over twelve of them change by 6 % with a start at their median
+RECORDINGS, TESTS = 6, 60  # twelve have 60 starts: their median moves by 6 % from one to the next
 TRUE = case_of("coulomb_viscous", "joint")
 # laws whose parameters the motion of `coverage_cases` shows, and sets of each
 SHOWN, SHOWN_SETS = ("stribeck", "load_dependent", "motor_load", "film_lag", "dahl"), 10

@@ -190,7 +190,7 @@ class Friction:
         return replace(self, law=law, theta=theta, provenance=source, constraints=None)
 
     def curve(self, w: Array, settle: float = 5.0) -> Array:
-        """Steady-state friction torque (..., V, n) [N m] at velocities (V,), or of each (V, n).
+        """Steady friction torque (..., V, n) [N m] at velocities (V,), or (V, n) of each joint.
 
         Numerical smoothing of sgn(w) is left out, as in the physics step. Laws that depend on the
         temperature are at their reference.

@@ -117,8 +117,8 @@ BY_TORQUES = Plan(
 def plan_for(dataset: Dataset) -> Plan:
     """The plan of a data set: `motor_load` is a candidate where a motor drives.
 
-    Where none does, drag is, `quadratic`, and where no load changes, as of a carriage: there
-    `load_dependent` is Coulomb friction.
+    Drag, `quadratic`, stands in its place where none does, and in that of `load_dependent` where no
+    load changes, as of a carriage: there that is Coulomb friction.
     Of many joints angles are compared in fewer folds, without friction by direction.
     """
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
