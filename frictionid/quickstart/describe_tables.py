@@ -340,7 +340,7 @@ def dataset_text(draft: Draft) -> str:
 def suite_text(draft: Draft, dataset: Dataset) -> str:
     """Text of a first suite: the laws and the method of `frictionid quick`."""
     plan, folds = plan_for(dataset), usual_kind(dataset.recordings)
-    laws = [law.model_dump(exclude_none=True) for law in plan.laws]
+    laws = [law.model_dump(exclude_none=True) for law in (*plan.laws, *plan.further)]
     context = {"folds": folds, "by_torque": plan.by_torque, "laws": laws}
     return _rendered("suite.toml.j2", draft, context)
 
@@ -359,17 +359,27 @@ def _comment(text: str) -> str:
     return textwrap.fill(text, _LONG, initial_indent="# ", subsequent_indent="# ")
 
 
+def _value(value: Any) -> str:
+    """A value of TOML on one line.
+
+    >>> print(_value(["stribeck", {"kind": "cogging", "harmonics": [7]}]))
+    ["stribeck", { kind = "cogging", harmonics = [7] }]
+    """
+    if isinstance(value, Mapping):
+        pairs = ((json.dumps(k) if "." in k else k, _value(v)) for k, v in value.items())
+        return f"{{ {', '.join(f'{key} = {entry}' for key, entry in pairs)} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    return json.dumps(value, ensure_ascii=False)
+
+
 def _line(key: str, value: Any, comment: str = "") -> str:
     """A key with its value, and a comment: behind it, or above where the line would be long.
 
     >>> print(_line("locked", {"arm_5": 0.1}, "no motor"))
     locked = { arm_5 = 0.1 }                # no motor
     """
-    text = json.dumps(value, ensure_ascii=False)
-    if isinstance(value, Mapping):
-        pairs = ((json.dumps(k) if "." in k else k, json.dumps(v)) for k, v in value.items())
-        text = ", ".join(f"{key} = {entry}" for key, entry in pairs)
-        text = f"{{ {text} }}"
+    text = _value(value)
     line = f"{key} = {text}"
     if len(line) > _LONG and isinstance(value, list | tuple):
         entries = textwrap.wrap(text[1:-1], _LONG, initial_indent="    ", subsequent_indent="    ")

@@ -7,7 +7,7 @@ left takes the place of predictions. Only folds count that hold out motion: in o
 noise. With fewer than three of them the law of the smallest error counts.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -20,27 +20,40 @@ from frictionid.check import Verdict, check
 from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
 from frictionid.comparison.suite import IdentifierEntry, identifier_named
 from frictionid.comparison.suite_recipes import (
+    CALIBRATED,
     RecipeEntry,
     recipe_of,
     time_between_samples,
     usual_method,
 )
+from frictionid.comparison.training_set import training_set
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError, NoFitError
-from frictionid.evaluation import Folds, Protocol, Split, make_folds
+from frictionid.evaluation import (
+    Folds,
+    Prepared,
+    Protocol,
+    Split,
+    make_folds,
+    prepared_for,
+    score_model,
+    score_value,
+)
 from frictionid.evaluation.folds import usual_kind
 from frictionid.evaluation.prepared import usual_interval
 from frictionid.evaluation.reference_model import StartErrors, choose, preferring, unsupported
 from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.statistics import (
+    REGION,
     nested_complexity,
     nested_names,
     shown_names,
     zero_names,
 )
 from frictionid.evaluation.torque_left import torque_frame
+from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.shooting.settings import is_driven
 from frictionid.progress import Done, say_nothing
@@ -53,12 +66,14 @@ class Plan(NamedTuple):
     """What is compared.
 
     recipe : how laws are fitted; laws : from simple to rich
+    further : laws of position or memory, which join them where a fit in one step shows them
     horizons : [s] of predictions, the first one counts that the folds hold out
     folds : at most; samples : of all joints, at most
     """
 
     recipe: RecipeEntry
     laws: tuple[IdentifierEntry, ...]
+    further: tuple[IdentifierEntry, ...]
     horizons: tuple[float, ...]
     folds: int
     samples: int
@@ -71,10 +86,17 @@ class Plan(NamedTuple):
     @property
     def steps(self) -> tuple[str, ...]:
         """Names of the steps of a first verdict."""
-        return ("check", *(law.label for law in self.laws))
+        last = ("further laws",) if self.further else ()
+        return ("check", *(law.label for law in self.laws), *last)
 
 
 _BY_DIRECTION = {"kind": "stribeck", "name": "stribeck_asymmetric", "symmetric": False}
+_AUTO = {"harmonics": "auto"}
+_COGGING = {
+    "kind": "sum",
+    "name": "cogging",
+    "laws": ["coulomb_viscous", {"kind": "cogging", **_AUTO}],
+}
 _PEAKED = {"kind": "load_dependent", "name": "load_dependent_stribeck", "stribeck": True}
 
 
@@ -94,6 +116,7 @@ BY_ANGLES = Plan(
         _BY_DIRECTION,
         "spline",
     ),
+    _laws({"kind": "ripple", **_AUTO}, _COGGING, "film_lag", "lugre"),
     horizons=(0.5, 0.25, 0.1),
     folds=10,
     samples=6_000,
@@ -108,6 +131,7 @@ _COARSE = {
 BY_TORQUES = Plan(
     RecipeEntry.model_validate(_COARSE),
     _laws("none", "coulomb_viscous", "load_dependent", _PEAKED),
+    further=(),
     horizons=(0.05,),
     folds=5,
     samples=120_000,
@@ -119,7 +143,8 @@ def plan_for(dataset: Dataset) -> Plan:
 
     Drag, `quadratic`, stands in its place where none does, and in that of `load_dependent` where no
     load changes, as of a carriage: there that is Coulomb friction.
-    Of many joints angles are compared in fewer folds, without friction by direction.
+    Of many joints angles are compared in fewer folds, without friction by direction and further
+    laws.
     """
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
         return BY_TORQUES
@@ -127,7 +152,8 @@ def plan_for(dataset: Dataset) -> Plan:
     laws = tuple(law for law in BY_ANGLES.laws if not (many and law.label == _BY_DIRECTION["name"]))
     idle = {"motor_load": not is_driven(dataset), "load_dependent": not _load_changes(dataset)}
     laws = tuple(dict.fromkeys(_DRAG if idle.get(law.label) else law for law in laws))
-    return BY_ANGLES._replace(laws=laws, folds=BY_TORQUES.folds if many else BY_ANGLES.folds)
+    plan = BY_ANGLES._replace(laws=laws)
+    return plan._replace(further=(), folds=BY_TORQUES.folds) if many else plan
 
 
 def _load_changes(dataset: Dataset) -> bool:
@@ -248,17 +274,47 @@ def _compared(
             if horizon == plan.horizons[-1]:
                 raise
     results, errors = {}, {}
-    for law in plan.laws:
+
+    def fit(law: IdentifierEntry) -> None:
         try:
-            identifier = identifier_named(law.kind, law.table)
-            results[law.label] = run(benchmark, identifier, recipe, 0, shared)
+            results[law.label] = run(benchmark, _identifier(law), recipe, 0, shared)
         except NoFitError as error:
             errors[law.label] = error
+
+    for law in plan.laws:
+        fit(law)
         done(law.label)
+    if plan.further:
+        for law in _shown(plan, shared.prepared, horizon):
+            fit(law)
+        done(plan.steps[-1])
     if plan.laws[0].label in errors or len(results) < 2:  # no friction, or no law with it
         raise next(iter(errors.values()))
     reasons = tuple(f"{name}: {error}" for name, error in errors.items())
     return float("nan") if plan.by_torque else horizon, results, reasons
+
+
+def _identifier(law: IdentifierEntry) -> Identifier:
+    return identifier_named(law.kind, law.table)
+
+
+def _shown(plan: Plan, prepared: Prepared, horizon: float) -> Sequence[IdentifierEntry]:
+    """The further laws of a plan that predict practically better in one step than all others.
+
+    All are fitted to the same data, corrected by one calibration, and judged on these: what seems
+    to be shown is compared with the others later, on motion that is held out.
+    """
+    training = training_set(prepared, [CALIBRATED])
+
+    def error(law: IdentifierEntry) -> float:
+        with suppress(NoFitError):
+            friction = CALIBRATED.fit(_identifier(law), training, 0).friction
+            scores = score_model(friction, prepared_for(prepared, friction)).scores
+            return score_value(scores, "rollout_angle", "median", horizon)
+        return float("inf")
+
+    least = min(map(error, plan.laws)) / (1.0 + REGION)
+    return [law for law in plan.further if error(law) < least]
 
 
 def _folds(dataset: Dataset, most: int) -> Folds:

@@ -10,11 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drive_logs import ServoPendulum
 from fixtures.changed_data import changed, each, subset
 from fixtures.lab_tables import MACHINE, recordings, write_lab_tables
 from fixtures.paths import ROOT
 from fixtures.printed import assert_alike
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.servo_logs import by_torque
 from fixtures.shared import shared
 from fixtures.tiny_pendulums import dataset as tiny
 from fixtures.tiny_pendulums import recordings as recordings_of_tiny
@@ -32,7 +34,7 @@ from frictionid.quickstart.quick_report import against_nominal, quick_figure, qu
 from frictionid.report.figures.style import png
 from frictionid.simulate import Curve
 
-LAWS = BY_ANGLES.steps[1:]
+LAWS = BY_ANGLES.steps[1:-1]
 PAGE = ROOT / "docs/quickstart.md"
 
 
@@ -193,7 +195,7 @@ def test_what_the_check_says_is_printed_before_a_law_is_fitted(place, monkeypatc
     monkeypatch.setattr("frictionid.quickstart.quick._compared", stopped)
     _, out, err = run(place, *shown("quick")[0])
     assert out.startswith("arm: the data are good\n")
-    assert err == "1 of 8 done: check\nfrictionid: stopped\n"
+    assert err == "1 of 9 done: check\nfrictionid: stopped\n"
     assert "law" not in run(place, *shown("quick")[0], "--json")[1]
 
 
@@ -253,7 +255,7 @@ def test_unusable_data_get_no_verdict_and_a_model_that_says_so(tmp_path, run):
         '[recordings]\npatterns = "*.csv"\n'
     )
     code, out, err = run(tmp_path, "quick arm")
-    assert (code, err) == (2, "1 of 8 done: check\n") and "has the wrong sign" in out
+    assert (code, err) == (2, "1 of 9 done: check\n") and "has the wrong sign" in out
     assert "No law was fitted" in out and not (tmp_path / "quick.png").exists()
     line = "fit arm --identifier coulomb_viscous --by one_step --out m.json --json"
     code, out, err = run(tmp_path, line)
@@ -268,18 +270,28 @@ def test_a_law_that_cannot_be_fitted_is_no_candidate(monkeypatch):
         return cross_validate.run(benchmark, identifier, *rest)
 
     laws = tuple(law for law in BY_ANGLES.laws if law.kind in ("none", "coulomb_viscous", "spline"))
-    few_laws = BY_ANGLES._replace(laws=laws)
+    few_laws = BY_ANGLES._replace(laws=laws, further=())
     monkeypatch.setattr("frictionid.quickstart.quick.plan_for", lambda _: few_laws)
     monkeypatch.setattr("frictionid.quickstart.quick.run", run)
     few = tiny(recordings=recordings_of_tiny()[:4])
     result = quick(few)
     assert [c.name for c in result.candidates] == ["none", "coulomb_viscous"]
     assert result.not_fitted == ("spline: spline: too steep",) and "not fitted" in repr(result)
-    monkeypatch.setattr(
-        "frictionid.quickstart.quick.plan_for", lambda _: BY_ANGLES._replace(laws=laws[::2])
-    )
+    fewer = few_laws._replace(laws=laws[::2])
+    monkeypatch.setattr("frictionid.quickstart.quick.plan_for", lambda _: fewer)
     with assert_refused("spline: too steep"):
         quick(few)
+
+
+def test_what_one_step_shows_of_position_joins_the_laws(monkeypatch):
+    """Magnets that pull by two thirds of the Coulomb level, which does not change itself."""
+    plan = BY_ANGLES._replace(laws=BY_ANGLES.laws[:2], further=BY_ANGLES.further[:2])
+    monkeypatch.setattr("frictionid.quickstart.quick.plan_for", lambda _: plan)
+    servo = ServoPendulum(waves=((6, 0.02, 0.6),))
+    logs = {f"{k}": servo.log(20.0, 0.2, seed=k, seconds=6.0) for k in range(4)}
+    none, plain, cogging = quick(by_torque(servo, logs)).candidates
+    assert plain.standing == "worse" and cogging.name == "cogging"
+    assert cogging.error < 0.2 * plain.error < 0.2 * none.error
 
 
 def test_the_share_of_a_motor_is_a_candidate_where_a_motor_drives():
