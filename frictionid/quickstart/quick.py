@@ -143,8 +143,7 @@ def plan_for(dataset: Dataset) -> Plan:
 
     Drag, `quadratic`, stands in its place where none does, and in that of `load_dependent` where no
     load changes, as of a carriage: there that is Coulomb friction.
-    Of many joints angles are compared in fewer folds, without friction by direction and further
-    laws.
+    Of many joints angles are compared in fewer folds, without friction by direction or of memory.
     """
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
         return BY_TORQUES
@@ -153,7 +152,7 @@ def plan_for(dataset: Dataset) -> Plan:
     idle = {"motor_load": not is_driven(dataset), "load_dependent": not _load_changes(dataset)}
     laws = tuple(dict.fromkeys(_DRAG if idle.get(law.label) else law for law in laws))
     plan = BY_ANGLES._replace(laws=laws)
-    return plan._replace(further=(), folds=BY_TORQUES.folds) if many else plan
+    return plan._replace(further=plan.further[:2], folds=BY_TORQUES.folds) if many else plan
 
 
 def _load_changes(dataset: Dataset) -> bool:

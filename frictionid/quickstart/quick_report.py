@@ -24,11 +24,13 @@ from frictionid.pictures import as_html, drawn
 from frictionid.report.candidates import Measure
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
 from frictionid.report.figures.style import (
-    COLOURS,
     DARK,
     GREY,
+    PLAIN,
+    Styles,
     key_above,
     panel_grid,
+    pens,
     plain_logarithm,
     velocity_axis,
 )
@@ -297,14 +299,14 @@ _HIGH = 1.25  # of the largest friction shown
 def quick_figure(result: Quick) -> Any:
     """For each joint or part friction over velocity, each fold thin; then the folds' errors."""
     laws, mechanism = [c.name for c in result.candidates if c.parameters], _mechanism(result)
-    colours = {"none": GREY, **dict(zip(laws, COLOURS, strict=False))}
+    styles: Styles = {**PLAIN, **dict(zip(laws, pens(), strict=False))}
     parts = len(mechanism.friction_names)
     picture, panels = panel_grid(parts + 1, 3, 2.7, 0.4)
     for part, axes in enumerate(panels[:parts]):
-        _friction(axes, result, part, colours)
-    _errors(panels[parts], result, colours)
+        _friction(axes, result, part, styles)
+    _errors(panels[parts], result, styles)
     key = {
-        f"{c.name}: the verdict" if c is result.chosen else c.name: key_line(colours[c.name])
+        f"{c.name}: the verdict" if c is result.chosen else c.name: key_line(*styles[c.name])
         for c in result.candidates
         if c.parameters
     }
@@ -315,7 +317,7 @@ def quick_figure(result: Quick) -> Any:
     return picture
 
 
-def _friction(axes: Any, result: Quick, part: int, colours: dict[str, str]) -> None:
+def _friction(axes: Any, result: Quick, part: int, styles: Styles) -> None:
     assert result.velocity is not None
     mechanism, w = _mechanism(result), result.velocity[:, part]
     high = 0.0
@@ -323,9 +325,10 @@ def _friction(axes: Any, result: Quick, part: int, colours: dict[str, str]) -> N
         if not c.parameters:
             continue
         folds, overall = c.curves[:-1, :, part], c.curves[-1, :, part]
-        axes.plot(w, folds.T, color=colours[c.name], linewidth=0.4, alpha=0.5)
+        colour, dashes = styles[c.name]
+        axes.plot(w, folds.T, color=colour, linewidth=0.4, alpha=0.5)
         width, order = (1.8, 4) if c is result.chosen else (1.0, 3)
-        axes.plot(w, overall, color=colours[c.name], linewidth=width, zorder=order)
+        axes.plot(w, overall, color=colour, linestyle=dashes, linewidth=width, zorder=order)
         high = max(high, float(np.abs(overall).max()))
     end = _HIGH * high or 1.0
     velocity_axis(axes, w, (-end, end))
@@ -334,10 +337,10 @@ def _friction(axes: Any, result: Quick, part: int, colours: dict[str, str]) -> N
     axes.set_ylabel(f"friction [{mechanism.friction_torque_units[part]}]")
 
 
-def _errors(axes: Any, result: Quick, colours: dict[str, str]) -> None:
+def _errors(axes: Any, result: Quick, styles: Styles) -> None:
     across = axes.get_xaxis_transform()
     for place, c in enumerate(result.candidates):
-        offsets, colour = np.linspace(-0.15, 0.15, len(c.by_fold)), colours[c.name]
+        offsets, colour = np.linspace(-0.15, 0.15, len(c.by_fold)), styles[c.name].colour
         error, *folds = result.measure.shown(np.append(c.error, c.by_fold))
         axes.plot(place + offsets, folds, "o", color=colour, markersize=3, alpha=0.5)
         axes.plot([place - 0.3, place + 0.3], 2 * [error], color=colour, linewidth=2)

@@ -155,6 +155,14 @@ def test_the_picture_is_one_and_always_the_same(result):
     assert picture.startswith(b"\x89PNG") and picture == png(lambda: quick_figure(result))
 
 
+def test_laws_beyond_the_colours_have_another_line(result):
+    more = tuple(replace(c, name=f"{c.name} again") for c in result.candidates if c.parameters)
+    many = replace(result, candidates=result.candidates + more)
+    *lines, _ = quick_figure(many).legends[0].get_lines()
+    assert len(lines) == 2 * len(more)
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(lines)
+
+
 def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(result):
     others = tuple(c for c in result.candidates if c.name not in ("load_dependent", "motor_load"))
 

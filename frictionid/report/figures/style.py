@@ -48,11 +48,16 @@ PLAIN = {"none": Style(GREY, "-"), "truth": Style(DARK, DASHED)}  # by roles
 def styles(models: Iterable[Model]) -> dict[str, Style]:
     """Style of each identifier by its label: no friction grey, the truth black, others coloured."""
     out: dict[str, Style] = {}
-    pens = (Style(colour, dashes) for dashes in cycle(DASHES) for colour in COLOURS)
+    free = pens()
     for model in models:
         if model.label not in out:
-            out[model.label] = PLAIN.get(model.role) or next(pens)
+            out[model.label] = PLAIN.get(model.role) or next(free)
     return out
+
+
+def pens() -> Iterator[Style]:
+    """All colours with each kind of line, without end."""
+    return (Style(colour, dashes) for dashes in cycle(DASHES) for colour in COLOURS)
 
 
 def png(draw: Callable[[], Any]) -> bytes:
