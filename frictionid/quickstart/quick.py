@@ -312,7 +312,7 @@ def _shown(plan: Plan, prepared: Prepared, horizon: float) -> Sequence[Identifie
             return score_value(scores, "rollout_angle", "median", horizon)
         return float("inf")
 
-    least = min(map(error, plan.laws)) / (1.0 + REGION)
+    least = np.nanmin([error(law) for law in plan.laws]) / (1.0 + REGION)
     return [law for law in plan.further if error(law) < least]
 
 

@@ -157,7 +157,7 @@ def _sets(T: Array, base: int, count: int, most: int) -> Iterator[tuple[int, ...
             others = [[x for x in chosen if x != k] for k in chosen]
             trials = [(*_best(left, rest, count), rest) for rest in others]
             better, k, rest = min(trials)
-            if better > cost - _GAIN * left[-1, -1]:
+            if better >= cost - _GAIN * abs(left[-1, -1]):  # of rounding it may be negative
                 break
             cost, chosen = better, [*rest, k]
         yield tuple(sorted(chosen))

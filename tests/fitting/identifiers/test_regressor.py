@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from drive_logs import ServoPendulum
+from fixtures.changed_data import changed
 from fixtures.exact_problems import STRIBECK as TRUTH
 from fixtures.exact_problems import everything, explained_by
 from fixtures.refusals import assert_refused
@@ -201,6 +202,12 @@ def test_those_of_the_truth_are_chosen(seed):
 )
 def test_none_is_chosen_where_there_is_none(law, seed):
     assert chosen(dataset((), seed), law) == ()
+
+
+@pytest.mark.parametrize("law", [Cogging("auto"), Ripple(harmonics="auto")])
+def test_without_torque_gravity_and_inertia_leave_nothing_to_a_wave(law):
+    """The search ends, too, where what is left is rounding."""
+    assert chosen(changed(dataset(WAVES), "torque", np.zeros_like), law) == ()
 
 
 def test_behind_a_gear_they_are_those_of_the_motor():
