@@ -116,7 +116,7 @@ BY_ANGLES = Plan(
         _BY_DIRECTION,
         "spline",
     ),
-    _laws({"kind": "ripple", **_AUTO}, _COGGING, "film_lag", "lugre"),
+    _laws({"kind": "ripple", **_AUTO}, _COGGING, "lugre"),
     horizons=(0.5, 0.25, 0.1),
     folds=10,
     samples=6_000,
