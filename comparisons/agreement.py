@@ -29,7 +29,8 @@ KINDS.append(replace(TRUTHS["no peak, load"], recordings=RECORDINGS))
 def answers(data: Dataset) -> tuple[str, str, bool]:
     """The law of `quick`, that of `compare`, and whether `fit` finds the numbers of `quick`."""
     first, plan = fid.quick(data), plan_for(data)
-    laws = {law.label: identifier_named(law.kind, law.table) for law in plan.laws}
+    offered = (*plan.laws, *plan.further)
+    laws = {law.label: identifier_named(law.kind, law.table) for law in offered}
     second = fid.compare(data, laws, plan.folds, "shooting", horizons=plan.horizons[:1]).verdict
     assert first.chosen is not None and first.refined is not None
     said = {

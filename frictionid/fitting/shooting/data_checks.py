@@ -214,7 +214,7 @@ def warnings_of(solution: Solution) -> Iterator[str]:
     if said:
         yield (
             "`frictionid check` looks for wrong signs, late clocks, wrapped angles and other "
-            "mistakes in the data."
+            "mistakes in the data, `frictionid quick` for another law."
         )
 
 
