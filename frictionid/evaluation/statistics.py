@@ -1,8 +1,8 @@
 """Statistics of models: whether one scores lower than another, and how complex each is."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import stdtr, stdtrit  # scipy.stats takes half a second to import
@@ -221,11 +221,11 @@ def shown_names(estimates: Estimates | None) -> frozenset[str] | None:
     return frozenset(names)
 
 
-def zero_names(estimates: Estimates | None) -> frozenset[str]:
-    """Names of friction's parameters that a fit leaves at zero at all joints, and of velocities."""
-    used = [e for e in estimates.parameters if e.block == "friction"] if estimates else []
-    amounts = {stem(e.parameter) for e in used if e.value and e.unit != "rad/s"}
-    return frozenset(stem(e.parameter) for e in used) - amounts
+def zero_names(document: Mapping[str, Any]) -> frozenset[str]:
+    """Names of the parameters that are zero at all joints of a model file, and of velocities."""
+    entries = [pair for joint in document.get("joints", ()) for pair in joint.items()]
+    amounts = {stem(name) for name, e in entries if e["value"] and e["unit"] != "rad/s"}
+    return frozenset(stem(name) for name, _ in entries) - amounts
 
 
 def nested_complexity(counts: Sequence[float], names: Sequence[frozenset[str]]) -> Array:

@@ -56,6 +56,7 @@ from frictionid.evaluation.torque_left import torque_frame
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.shooting.settings import is_driven
+from frictionid.friction.model_files import model_document
 from frictionid.progress import Done, say_nothing
 from frictionid.report.candidates import Measure
 
@@ -343,7 +344,8 @@ def candidates_of(
     shown = [shown_names(e) for e in refined]
     last = unsupported(errors, names, shown)
     choice = choose(errors, nested_complexity(counts, names), last, frictionless)
-    choice = preferring(choice, names, shown, [zero_names(e) for e in refined])
+    models = [model_document(r.overall) if r.refined else {} for r in results.values()]
+    choice = preferring(choice, names, shown, [zero_names(model) for model in models])
     candidates = tuple(
         Candidate(
             name=name,

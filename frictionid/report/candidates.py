@@ -206,7 +206,7 @@ def judged(
         unsupported(errors, names, shown) | np.array([c.unfit for c in candidates], dtype=bool),
         np.array([c.model.role == "none" for c in candidates], dtype=bool),
     )
-    zero = [zero_names(c.model.refined) for c in candidates]
+    zero = [zero_names(c.model.document if c.model.refined else {}) for c in candidates]
     choice = preferring(choice, names, shown, zero)
     standings = zip(candidates, choice.standings, choice.losses, strict=False)
     return choice, tuple(replace(c, standing=s, loss=against) for c, s, against in standings)

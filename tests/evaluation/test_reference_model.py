@@ -207,19 +207,16 @@ def test_a_law_with_further_parameters_of_zero_is_the_simpler_law(peak, recommen
     """Even where folds, whose fits differ, count that one as worse; else its peak is kept."""
     choice = choose([BEST, apart(0.06)], RICH_FIRST)
     assert choice.standings[1] == "worse" and choice.recommended == 0
-    values = {"coulomb": ("N m", 1.0), "peak": ("N m", peak), "stribeck_velocity": ("rad/s", 1.0)}
-    fit = Estimates(
-        parameters=tuple(
-            Estimate("friction", f"{name} of hip", unit, 0, value, 0.1)
-            for name, (unit, value) in values.items()
-        )
-    )
+    values = {"coulomb": (1.0, "N m"), "peak": (peak, "N m"), "stribeck_velocity": (1.0, "rad/s")}
+    joint = {name: {"value": value, "unit": unit} for name, (value, unit) in values.items()}
+    none = joint | {"peak": {"value": 0.0, "unit": "N m"}}
+    zero = [zero_names({"joints": [none, joint]}), zero_names({})]
     names = [PEAK | {"stribeck_velocity"}, LEVELS]
-    settled = preferring(choice, names, [LEVELS, LEVELS], [zero_names(fit), zero_names(None)])
+    settled = preferring(choice, names, [LEVELS, LEVELS], zero)
     assert settled.recommended == recommended
     assert settled.degenerate == (0 if recommended else None)
     lost = choose([BEST, StartErrors(np.full_like(NOISE, np.nan), GROUP)], RICH_FIRST)
-    settled = preferring(lost, names, [LEVELS, LEVELS], [zero_names(fit), zero_names(None)])
+    settled = preferring(lost, names, [LEVELS, LEVELS], zero)
     assert settled.recommended == 0
 
 
