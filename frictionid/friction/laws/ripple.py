@@ -21,10 +21,11 @@ _MOST = 0.5
 
 @dataclass(frozen=True)
 class Ripple(Periodic, CombinedLaw):
-    """A static law whose level varies with the angle, by `harmonics` of `gear` times the joint's.
+    """Tf = (1 + sum_k cos_k cos(k gear q) + sin_k sin(k gear q)) level(w) sgn(w) + viscous w.
 
-    `base` is the law that it is laid over, "coulomb_viscous" or "stribeck", also as a table with
-    settings such as { kind = "stribeck", symmetric = false }; its viscous friction does not ripple.
+    `harmonics` are the k of `gear` times the joint's angle. `base` is the law that it is laid over,
+    "coulomb_viscous" or "stribeck", also as a table with settings such as { kind = "stribeck",
+    symmetric = false }; its viscous friction does not ripple.
     The amplitudes `cos` and `sin` of each harmonic k are parts of the level, up to a half each;
     where they add up to less than -1, the level is zero, as friction never drives. Of "auto" least
     squares chooses those of 1 to 24 that the data show. With gear = 1 they repeat with each turn of
