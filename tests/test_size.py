@@ -10,7 +10,7 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 564_346, 346, 523, 69
+TOKENS, FILES, CLASSES, NAMES = 564_350, 346, 523, 69
 TEST_TOKENS, WORDS = 412_657, 27_943
 
 

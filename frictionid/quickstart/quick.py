@@ -106,6 +106,7 @@ def _laws(*laws: str | dict[str, Any]) -> tuple[IdentifierEntry, ...]:
     return tuple(map(IdentifierEntry.model_validate, tables))
 
 
+_OF_POSITION = _laws({"kind": "ripple", **_AUTO}, _COGGING)
 BY_ANGLES = Plan(
     RecipeEntry(name="shooting", by="shooting"),
     _laws(
@@ -117,7 +118,7 @@ BY_ANGLES = Plan(
         _BY_DIRECTION,
         "spline",
     ),
-    _laws({"kind": "ripple", **_AUTO}, _COGGING, "lugre"),
+    (*_OF_POSITION, *_laws("lugre")),
     horizons=(0.5, 0.25, 0.1),
     folds=10,
     samples=6_000,
@@ -153,7 +154,7 @@ def plan_for(dataset: Dataset) -> Plan:
     idle = {"motor_load": not is_driven(dataset), "load_dependent": not _load_changes(dataset)}
     laws = tuple(dict.fromkeys(_DRAG if idle.get(law.label) else law for law in laws))
     plan = BY_ANGLES._replace(laws=laws)
-    return plan._replace(further=plan.further[:2], folds=BY_TORQUES.folds) if many else plan
+    return plan._replace(further=_OF_POSITION, folds=BY_TORQUES.folds) if many else plan
 
 
 def _load_changes(dataset: Dataset) -> bool:
