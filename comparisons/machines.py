@@ -13,16 +13,17 @@ data sets:
   0.2 s, judged by the share of the torque that is left;
 - folds of whole recordings, or six of time where there are fewer than five recordings.
 
-An error is the median of the predictions, or the torque left, on test data where a collection has
-them, else on the folds. The choice is the verdict's, by the folds alone; its regret is its error
-over that of the best fitted model by hindsight.
+An error is the median of the predictions, or the torque left, on recordings that neither fits nor
+the choice have seen: sets for tests, other motion, or the last 30 % of one recording. The choice is
+the verdict's, by the folds alone; its regret is its error over that of the best fitted model by
+hindsight.
 """
 
 from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -35,8 +36,8 @@ from script import call
 
 from frictionid.api.suites import run_suite
 from frictionid.comparison.suite import Suite
+from frictionid.config import read_toml
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.files import plain
 
@@ -57,36 +58,72 @@ JUDGED = 0.5  # [s]
 class Machine(NamedTuple):
     """A machine's data set, data sets that test what was fitted to it, and published models.
 
+    fitted, unseen : keys of [recordings] of what is fitted and of what tests it, where the data set
+        is split
     held : whether a controller held it that is in no log
     """
 
     name: str
     tests: tuple[str, ...] = ()
     published: tuple[str, ...] = ()
+    fitted: Mapping[str, Any] = {}
+    unseen: Mapping[str, Any] = {}
     held: bool = False
+
+
+def parted(name: str, at: float, *published: str, held: bool = False) -> Machine:
+    """A machine whose recording is fitted up to a time [s], and tested after it."""
+    return Machine(name, (), published, {"stop": at}, {"start": at}, held)
+
+
+def split(name: str, fitted: Sequence[str], unseen: Sequence[str], *published: str) -> Machine:
+    """A machine whose recordings are fitted or test, by patterns of their names."""
+    return Machine(name, (), published, {"patterns": fitted}, {"patterns": unseen})
 
 
 MACHINES = {
     machine.name: machine
     for machine in (
         Machine("dfki_c1", ("dfki_c1_swingup", "dfki_c1_pendubot"), ("model_1.0", "model_2.0")),
-        Machine("dfki_a0"),
-        Machine("simple_pendulum", published=("published",)),
-        Machine("phy180"),
-        Machine("emps", published=("janot_2019",)),
+        split("dfki_a0", ["**/*_0[0-3].csv*"], ["**/*_05.csv*", "**/*_11.csv*"]),
+        split("simple_pendulum", ["ddp*"], ["direct_collocation*"], "published"),
+        parted("phy180", 81.5),
+        parted("emps", 17.4, "janot_2019"),
         Machine("bam_xl330", ("bam_xl330_passive",), ("m1", "m6")),
-        Machine("ibm"),
-        Machine("tx40", published=("figaroh",), held=True),
-        Machine("tiago", held=True),
+        split("ibm", ["[0-3].csv*"], ["[45].csv*"]),
+        parted("tx40", 5.23, "figaroh", held=True),
+        parted("tiago", 50.27, held=True),
     )
 }
+
+
+def datasets(machine: Machine) -> dict[str, list[str] | str]:
+    """What a suite fits and what tests it; of a split set the descriptions of both are written."""
+    if not machine.unseen:
+        tests = [str(DATA / test) for test in machine.tests]
+        return {"path": str(DATA / machine.name), "tests": tests}
+    return {
+        "path": str(_description(machine.name, "fitted", machine.fitted)),
+        "tests": [str(_description(machine.name, "unseen", machine.unseen))],
+    }
+
+
+def _description(name: str, which: str, recordings: Mapping[str, Any]) -> Path:
+    table = read_toml(DATA / name / "dataset.toml")
+    table["name"], folder = f"{name}_{which}", REPORT / "data" / f"{name}_{which}"
+    table["recordings"] |= recordings
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "dataset.toml").write_text(tomli_w.dumps(table), encoding="utf-8")
+    return folder
 
 
 # --- Suites --------------------------------------------------------------------------------------
 
 
-def suite_of(machine: Machine, dataset: Dataset) -> Suite:
+def suite_of(machine: Machine) -> Suite:
     """The suite of a machine, as a file beside this one would have it."""
+    files = datasets(machine)
+    dataset = load_dataset(files["path"])
     one_step, refined = "calibrated", {"name": "shooting", "start": "calibrated"}
     if machine.held:
         one_step, refined = "integral", {"name": "inverse_dynamics"}
@@ -108,9 +145,7 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
         "title": dataset.origin.get("description", name),
         "horizons": [0.05, 0.1, 0.2] if machine.held else [0.1, 0.25, 0.5, 1.0],
         "folds": folds,
-        "datasets": [
-            {"path": f"../data/{name}", "tests": [f"../data/{test}" for test in machine.tests]}
-        ],
+        "datasets": [files],
         "recipes": [{"name": one_step}, refined],
         "identifiers": identifiers,
     }
@@ -119,7 +154,7 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
 
 def run(machine: Machine, jobs: int) -> None:
     """Run what is left of a machine's suite."""
-    suite = suite_of(machine, load_dataset(DATA / machine.name))
+    suite = suite_of(machine)
     out = REPORT / machine.name
     table = suite.model_dump(exclude_none=True)
     with tempfile.NamedTemporaryFile("wb", suffix=".toml", dir=HERE) as file:
@@ -157,7 +192,7 @@ class Row(NamedTuple):
 
 
 def rows_of(machine: Machine) -> Iterator[Row]:
-    """A row for each test, or one for the folds."""
+    """A row for each test."""
     folder = REPORT / machine.name
     verdict = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))["datasets"][0]
     scores = pd.read_csv(folder / "scores.csv")
@@ -165,13 +200,13 @@ def rows_of(machine: Machine) -> Iterator[Row]:
     sure = "" if verdict["recommended"] else " (provisional)"
     answers = {q["name"]: q["answer"].replace("_", " ") for q in verdict["questions"]}
     fitted = {c["name"] for c in verdict["candidates"] if c["identifier"] not in machine.published}
-    for judged in machine.tests or (machine.name,):
+    for judged in machine.tests or (f"{machine.name}_unseen",):
         error = errors(scores, machine, judged)
         published = error[list(machine.published)]
         ours = error[[name in fitted for name in error.index]]
         yield Row(
             machine.name,
-            judged if machine.tests else "folds",
+            judged if machine.tests else "unseen",
             chosen + sure,
             error[chosen],
             error[chosen] / published.min(),
