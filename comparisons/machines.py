@@ -97,7 +97,7 @@ MACHINES = {
 }
 
 
-def datasets(machine: Machine) -> dict[str, list[str] | str]:
+def datasets(machine: Machine) -> dict[str, Any]:
     """What a suite fits and what tests it; of a split set the descriptions of both are written."""
     if not machine.unseen:
         tests = [str(DATA / test) for test in machine.tests]

@@ -21,6 +21,7 @@ from .parameter_block import IDEAL, Parameter
 
 _NORMAL = 1.96, 1.645  # half-widths of 95 and 90 % over standard errors
 _DRAWS = 2000
+UNEXPLAINED = "what is fitted does not explain the motion"
 BEYOND = 1.5  # of the curves' velocities: that far the bands reach, to be seen growing
 
 

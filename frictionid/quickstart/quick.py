@@ -98,6 +98,7 @@ _COGGING = {
     "name": "cogging",
     "laws": ["coulomb_viscous", {"kind": "cogging", **_AUTO}],
 }
+_SPRING = {"kind": "sum", "name": "spring", "laws": ["stribeck", "spring"]}
 _PEAKED = {"kind": "load_dependent", "name": "load_dependent_stribeck", "stribeck": True}
 
 
@@ -106,7 +107,7 @@ def _laws(*laws: str | dict[str, Any]) -> tuple[IdentifierEntry, ...]:
     return tuple(map(IdentifierEntry.model_validate, tables))
 
 
-_OF_POSITION = _laws({"kind": "ripple", **_AUTO}, _COGGING)
+_OF_POSITION = _laws({"kind": "ripple", **_AUTO}, _COGGING, _SPRING)
 BY_ANGLES = Plan(
     RecipeEntry(name="shooting", by="shooting"),
     _laws(

@@ -15,8 +15,10 @@ from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import Loss
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import finite_json
+from frictionid.fitting.fit import UNEXPLAINED
 from frictionid.fitting.shooting.refine import NOT_FREE
-from frictionid.friction import Friction
+from frictionid.friction import Friction, Law
+from frictionid.friction.laws import Sum
 from frictionid.friction.laws.levels import LOAD, LOSS
 from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.mechanics import Mechanism
@@ -173,6 +175,16 @@ def against_nominal(refined: Estimates) -> list[str]:
     return [f"Differing from the nominal values: {', '.join(each)}."] if differing else []
 
 
+def _torque(law: Law) -> str:
+    """The torque of a law in words, of a sum that of its parts.
+
+    >>> _torque(Sum(("stribeck", "spring"))).partition(", and ")[2]
+    'Tf = stiffness q + preload, of a cable or a spring'
+    """
+    parts = law.parts if isinstance(law, Sum) else (law,)
+    return ", and ".join(summary(type(part)).rstrip(".") for part in parts)
+
+
 def verdict(result: Quick) -> list[str]:
     """The verdict in sentences; none for unusable data."""
     if result.chosen is None or result.friction is None:
@@ -180,12 +192,12 @@ def verdict(result: Quick) -> list[str]:
     chosen, measure, best = result.chosen, result.measure, best_of(result)
     median = "" if measure.is_torque else " (median)"
     out = [
-        f"Verdict: {chosen.name}, {summary(type(result.friction.law))}",
+        f"Verdict: {chosen.name}, {_torque(result.friction.law)}.",
         f"It {measure.words(chosen.error)} on held-out motion{median}, "
         f"{measure.size(_without(result).error)} without friction.",
     ]
     warnings = result.refined.warnings if result.refined else ()
-    out += (words for words in warnings if words.startswith(NOT_FREE))
+    out += (words for words in warnings if words.startswith(NOT_FREE) or UNEXPLAINED in words)
     if result.folds < FEWEST:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen and chosen.loss is not None:

@@ -17,7 +17,7 @@ from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import OddRecording
 from frictionid.mechanics.plant import base_by_rotors
 
-from ..fit import Covariance
+from ..fit import UNEXPLAINED, Covariance
 from ..parameter_block import Estimate, Parameter, ParameterBlock
 from .sample_intervals import Intervals, cut_windows
 from .windows import Solution
@@ -234,8 +234,7 @@ def _coarse(solution: Solution) -> Iterator[str]:
     if not explained(solution):
         yield (
             f"Angle {worst + 1} is predicted {off[worst]:.0f} times worse than it is measured: "
-            "what is fitted does not explain the motion. Intervals hold what windows of other "
-            "lengths would change."
+            f"{UNEXPLAINED}. Intervals hold what windows of other lengths would change."
         )
 
 

@@ -16,7 +16,7 @@ from frictionid.friction.laws import NoFriction
 from frictionid.friction.provenance import Dropped, Estimates
 
 from ..covariance import least_significant
-from ..fit import Covariance, Fit
+from ..fit import UNEXPLAINED, Covariance, Fit
 from ..identifier import Identifier
 from ..neutral import (
     LocalCost,
@@ -394,6 +394,6 @@ def _warnings(solution: TorqueSolution) -> list[str]:
         if rest > _UNEXPLAINED * size:
             out.append(
                 f"Torque {j + 1} keeps {rest:.2g} unexplained, beside {size:.2g} of friction: "
-                "what is fitted does not explain the motion."
+                f"{UNEXPLAINED}."
             )
     return out

@@ -12,6 +12,7 @@ from .mlp import LSTM, MLP, Ensemble, WindowMLP
 from .play import Play
 from .relaxing import Dahl, FilmLag, LuGre
 from .ripple import Ripple
+from .spring import Spring
 from .state_laws import StateLibrary, StateLSTM, StateMLP
 from .stribeck import CoulombViscous, Quadratic, Stribeck
 from .thermal import Thermal

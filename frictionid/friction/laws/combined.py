@@ -19,6 +19,7 @@ from .cogging import Cogging
 from .levels import NoFriction, stem
 from .load import LoadDependent, MotorLoad
 from .relaxing import Dahl, FilmLag, LuGre
+from .spring import Spring
 from .stribeck import CoulombViscous, Quadratic, Stribeck
 
 # Laws that others can be made of.
@@ -26,7 +27,7 @@ PARTS: Mapping[str, type[Law]] = {
     law.kind: law
     for law in (
         *(NoFriction, CoulombViscous, Stribeck, Quadratic, LoadDependent, MotorLoad),
-        *(FilmLag, Dahl, LuGre, Cogging),
+        *(FilmLag, Dahl, LuGre, Cogging, Spring),
     )
 }
 

@@ -34,6 +34,7 @@ from frictionid.friction.laws import (
     Quadratic,
     Ripple,
     Spline,
+    Spring,
     Stribeck,
     Sum,
     Thermal,
@@ -61,6 +62,7 @@ OTHERS = [
     *(Play(), Play("stribeck", "coulomb_viscous"), Play({"kind": "motor_load", "squared": True})),
     *(Thermal(base) for base in ("coulomb_viscous", Stribeck(symmetric=False), "quadratic")),
     *(Cogging((1, 7), 2.0), Sum(("coulomb_viscous", {"kind": "cogging", "harmonics": [7]}))),
+    *(Spring(), Sum(("stribeck", "spring"))),
 ]
 W = np.array([-20.0, -3.0, -0.5, -0.05, 0.05, 0.5, 3.0, 20.0])
 
