@@ -98,6 +98,7 @@ _COGGING = {
     "name": "cogging",
     "laws": ["coulomb_viscous", {"kind": "cogging", **_AUTO}],
 }
+# a candidate like others: in one step gravity, offset and noise hide most of a weak one
 _SPRING = {"kind": "sum", "name": "spring", "laws": ["stribeck", "spring"]}
 _PEAKED = {"kind": "load_dependent", "name": "load_dependent_stribeck", "stribeck": True}
 
@@ -107,7 +108,7 @@ def _laws(*laws: str | dict[str, Any]) -> tuple[IdentifierEntry, ...]:
     return tuple(map(IdentifierEntry.model_validate, tables))
 
 
-_OF_POSITION = _laws({"kind": "ripple", **_AUTO}, _COGGING, _SPRING)
+_OF_POSITION = _laws({"kind": "ripple", **_AUTO}, _COGGING)
 BY_ANGLES = Plan(
     RecipeEntry(name="shooting", by="shooting"),
     _laws(
@@ -117,6 +118,7 @@ BY_ANGLES = Plan(
         "motor_load",
         "stribeck",
         _BY_DIRECTION,
+        _SPRING,
         "spline",
     ),
     (*_OF_POSITION, *_laws("lugre")),
@@ -151,11 +153,13 @@ def plan_for(dataset: Dataset) -> Plan:
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
         return BY_TORQUES
     many = dataset.mechanism.n > _FAST
-    laws = tuple(law for law in BY_ANGLES.laws if not (many and law.label == _BY_DIRECTION["name"]))
+    slow = (_BY_DIRECTION["name"], _SPRING["name"]) if many else ()
+    laws = tuple(law for law in BY_ANGLES.laws if law.label not in slow)
     idle = {"motor_load": not is_driven(dataset), "load_dependent": not _load_changes(dataset)}
     laws = tuple(dict.fromkeys(_DRAG if idle.get(law.label) else law for law in laws))
     plan = BY_ANGLES._replace(laws=laws)
-    return plan._replace(further=_OF_POSITION, folds=BY_TORQUES.folds) if many else plan
+    further = (*_OF_POSITION, *_laws(_SPRING))
+    return plan._replace(further=further, folds=BY_TORQUES.folds) if many else plan
 
 
 def _load_changes(dataset: Dataset) -> bool:
