@@ -10,7 +10,7 @@ import frictionid.check.verdict as checks
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.pictures import drawn
-from frictionid.progress import Done, say_nothing
+from frictionid.progress import Done, counted, say_nothing
 from frictionid.quickstart import quick as first
 from frictionid.quickstart.quick import plan_for
 from frictionid.quickstart.quick_report import Quick
@@ -18,7 +18,6 @@ from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
 from frictionid.report.terminal import Shown
 
 from .models import DatasetLike, dataset_of
-from .notebook import counted
 
 _NONE = (float("nan"),) * 2
 

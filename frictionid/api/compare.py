@@ -26,12 +26,11 @@ from frictionid.evaluation.folds import usual_kind
 from frictionid.friction import Law
 from frictionid.friction.model_files import LAWS
 from frictionid.outputs import check_writable
-from frictionid.progress import Done, say_nothing
+from frictionid.progress import Done, counted, say_nothing
 
 from .comparison import Comparison
 from .fit import method_of
 from .models import DatasetLike, count, dataset_of, identifier_of, name_of, numbers
-from .notebook import counted
 from .suites import run_in_folder
 
 

@@ -20,10 +20,10 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
 from frictionid.fitting.shooting.recipe import known_calibration
 from frictionid.friction import Law
+from frictionid.progress import counted
 
 from .fitted import Fit
 from .models import DatasetLike, LawLike, count, dataset_of, friction_of, identifier_of, numbers
-from .notebook import counted
 
 METHODS = ("one_step", "shooting", "inverse_dynamics", *ONE_STEP_NAMES)
 

@@ -8,7 +8,7 @@ import pytest
 from fixtures.paths import ROOT
 from fixtures.printed import assert_alike
 
-from frictionid.api import notebook as progress
+from frictionid import progress
 
 NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
 
@@ -52,11 +52,5 @@ def test_a_notebook_shows_progress_and_leaves_nothing(monkeypatch):
     assert shown[1] == '<progress value="1" max="2"></progress> laws 1 of 2, a &lt;b&gt;'
     assert shown[-1] == ""
     with progress.counted(None, "fit"):
-        progress_of("stage", 3)
+        progress.report_step("stage", 3)
     assert '<progress value="1" max="4"></progress> fit 1 of 4, stage' in shown
-
-
-def progress_of(what, left):
-    from frictionid.progress import report_step
-
-    report_step(what, left)
