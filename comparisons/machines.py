@@ -38,6 +38,7 @@ from frictionid.api.suites import run_suite
 from frictionid.comparison.suite import Suite
 from frictionid.config import read_toml
 from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.files import plain
 
@@ -120,10 +121,8 @@ def _description(name: str, which: str, recordings: Mapping[str, Any]) -> Path:
 # --- Suites --------------------------------------------------------------------------------------
 
 
-def suite_of(machine: Machine) -> Suite:
-    """The suite of a machine, as a file beside this one would have it."""
-    files = datasets(machine)
-    dataset = load_dataset(files["path"])
+def suite_of(machine: Machine, dataset: Dataset, files: Mapping[str, Any]) -> Suite:
+    """The suite of a machine and of what of it is fitted, as a file beside this one would be."""
     one_step, refined = "calibrated", {"name": "shooting", "start": "calibrated"}
     if machine.held:
         one_step, refined = "integral", {"name": "inverse_dynamics"}
@@ -154,7 +153,8 @@ def suite_of(machine: Machine) -> Suite:
 
 def run(machine: Machine, jobs: int) -> None:
     """Run what is left of a machine's suite."""
-    suite = suite_of(machine)
+    files = datasets(machine)
+    suite = suite_of(machine, load_dataset(files["path"]), files)
     out = REPORT / machine.name
     table = suite.model_dump(exclude_none=True)
     with tempfile.NamedTemporaryFile("wb", suffix=".toml", dir=HERE) as file:

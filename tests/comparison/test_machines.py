@@ -1,6 +1,8 @@
 """The table of machines: one rule for their suites, and what a row says."""
 
 import json
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,13 +14,25 @@ import machines
 
 def test_suites_follow_one_rule():
     few, many = tiny.dataset(recordings=tiny.recordings()[:4]), tiny.dataset()
-    suites = [machines.suite_of(machines.Machine("tiny"), data) for data in (few, many)]
+    files = {"path": "tiny"}
+    suites = [machines.suite_of(machines.Machine("tiny"), data, files) for data in (few, many)]
     assert [suite.folds.kind for suite in suites] == ["blocks", "recordings"]
     assert suites[0].document()["recipes"] == suites[1].document()["recipes"]
     kinds = {i.kind: i.recipes for i in suites[1].identifiers}
     assert kinds["motor_load"] is kinds["sindy"] is None and kinds["lstm"] == ["calibrated"]
-    arm = machines.suite_of(machines.Machine("tiny", held=True), many)
+    arm = machines.suite_of(machines.Machine("tiny", held=True), many, files)
     assert [recipe.name for recipe in arm.recipes] == ["integral", "inverse_dynamics"]
+
+
+def test_what_tests_a_machine_is_not_fitted(tmp_path, monkeypatch):
+    monkeypatch.setattr(machines, "REPORT", tmp_path)
+    for machine in machines.MACHINES.values():
+        files = machines.datasets(machine)
+        paths = [Path(path, "dataset.toml") for path in (files["path"], *files["tests"])]
+        fitted, *unseen = (tomllib.loads(path.read_text())["recordings"] for path in paths)
+        for test in unseen:
+            parts = fitted.get("stop", 0.0) == test.get("start", np.inf)
+            assert parts or not {*fitted["patterns"]} & {*test["patterns"]}
 
 
 def write(folder, chosen, errors):
