@@ -316,8 +316,9 @@ def preferring(
     Few recordings scatter more than a parameter's interval. A law that is undecided, and more than
     a tenth farther off, counts as worse where a law that has all of its identified parameters, and
     is not worse, adds one that the data identify. Of undecided laws less than a tenth farther off
-    that add an identified parameter to the chosen one the nearest is preferred. A law whose further
-    parameters the fit to all data leaves at zero is the simpler one, and named so.
+    that add an identified parameter to the chosen one the nearest is preferred, unless a law that
+    is decided has all that it identifies. A law whose further parameters the fit to all data leaves
+    at zero is the simpler one, and named so.
 
     names, shown, zero : of each model's parameters, of those that data tell from zero, None without
         intervals, and of those that are zero, or velocities, which then mean nothing
@@ -341,6 +342,11 @@ def preferring(
             standings[i] = "adequate"
             return choice._replace(standings=tuple(standings), preferred=i, degenerate=chosen)
     richer = [i for i in choice.kept if mine and mine < names[i] and identified[i] - mine]
-    undecided = [i for i in richer if standings[i] == "undecided"]
+    settled = [k for k in choice.kept if standings[k] != "undecided"]
+    undecided = [
+        i
+        for i in richer
+        if standings[i] == "undecided" and not any(identified[i] <= names[k] for k in settled)
+    ]
     near = [i for i in undecided if choice.distance(i) <= 1.0 + REGION]
     return choice._replace(preferred=min(near, key=choice.distance)) if near else choice

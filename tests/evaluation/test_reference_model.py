@@ -163,6 +163,16 @@ def test_a_near_law_with_an_identified_parameter_is_preferred_to_a_simpler_one(s
     assert preferring(choice, [PEAK, LEVELS], [PEAK, LEVELS], NO_ZEROS).recommended == 0
 
 
+def test_a_near_law_is_not_preferred_for_what_an_adequate_one_has_as_well():
+    """Its peak, which the data identify, is no reason for its spring, which they do not."""
+    spring = PEAK | {"stiffness", "preload"}
+    best, undecided = scattered(0.03)
+    choice = choose([best, undecided, apart(0.005)], np.array([1.0, 3.0, 2.0]))
+    assert choice.standings == ("best", "undecided", "adequate")
+    settled = preferring(choice, [LEVELS, spring, PEAK], [LEVELS, PEAK, PEAK], [frozenset()] * 3)
+    assert settled.recommended == 0
+
+
 @pytest.mark.parametrize(
     ("share", "peak_is_identified", "recommended"),
     [(0.08, True, 0), (0.08, False, None), (0.035, False, None), (0.035, True, None)],
