@@ -166,26 +166,31 @@ def fit_blocks(
     deviation of a block from an ideal sensor is not significant, the fit goes on from where it
     ended without the least significant one: free parameters that show nothing would only spoil what
     the others predict. Beside a network all stay: the scatter of a few recordings about so many
-    combinations says little. Parameters of friction that the data do not tell are held at the law's
-    neutral values, base parameters that are offered at the nominal ones, see `neutral`.
+    combinations says little. An offset of angles, as by a tilted base, is free beside a bias of
+    torques where it would show. Parameters of friction that the data do not tell are held at the
+    law's neutral values, base parameters that are offered at the nominal ones, see `neutral`.
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
+    may_be_off = any(b.name == _OFFSET.name and b.offered for b in blocks)
     blocks = on_support(applicable(blocks, intervals.dataset, friction.law), friction)
     blocks = that_may_be_free(blocks, friction, intervals, use)
     stage = begun(Stage(friction, blocks, intervals, settings, use))
     while True:
         stage = with_neutral(stage)
-        result = refined_by(stage, friction)
+        result, omitted = refined_by(stage, friction)
         level = 1.0 if friction.law.is_network else settings.significance
         idle = least_significant(result.covariance, stage.blocks, level)
-        if idle is None:
+        if idle is not None:
+            blocks = tuple(b for b in stage.blocks if b.name != idle.block)
+            other = stage._replace(blocks=blocks, dropped=(*stage.dropped, idle))
+        elif may_be_off and _OFFSET.name in omitted:
+            may_be_off, other = False, stage._replace(blocks=(*stage.blocks, _OFFSET))
+        else:
             return result
-        blocks = tuple(b for b in stage.blocks if b.name != idle.block)
-        fewer = stage._replace(blocks=blocks, dropped=(*stage.dropped, idle))
         try:
-            stage = solved(fewer)
+            stage = solved(other)
         except NoFitError as error:
-            return refined_by(stage.ending(error), friction)
+            return refined_by(stage.ending(error), friction)[0]
 
 
 def fit_as_begun(
@@ -201,12 +206,15 @@ def fit_as_begun(
     return Fit(replace(friction, calibration=estimate.calibration, parameters={}))
 
 
-def refined_by(stage: Stage, start: Friction) -> Fit:
-    """The result of a fit that began with a friction, without what was dropped or held."""
+def refined_by(stage: Stage, start: Friction) -> tuple[Fit, tuple[str, ...]]:
+    """The result of a fit that began with a friction, without what was dropped or held.
+
+    And the names of blocks that were not free, and would show.
+    """
     solution, estimate = stage.solution, stage.solution.estimate
-    omitted, words = omitted_blocks(solution, [d.block for d in stage.dropped])
+    error, omitted, words = omitted_blocks(solution, [d.block for d in stage.dropped])
     smoothing, unsaid = smoothing_error(solution)
-    shared = omitted + settings_error(solution) + smoothing + load_error(solution)
+    shared = error + settings_error(solution) + smoothing + load_error(solution)
     covariance = solution.covariance(shared)
     words = *solution.stopped, *words, *unsaid
     limits = *words, *no_plateau(solution), *wanders(solution, covariance)
@@ -217,7 +225,7 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     )
     covariance = _with_held(covariance, stage)
     covariance = without_shared(covariance.each, estimate.friction.law)
-    return Fit(friction, covariance, diagnostics, fitted)
+    return Fit(friction, covariance, diagnostics, fitted), omitted
 
 
 def _with_held(covariance: Covariance, stage: Stage) -> Covariance:
@@ -288,14 +296,17 @@ OF_SERVOS: tuple[ParameterBlock, ...] = (
     *OFFERED[2:],
 )
 NOT_FREE = "Not free, and would show"
+_OFFSET = OffsetBlock()
 _CLEAR = 0.01  # p-value of a block that would show
 _OWN = 1e-6  # of a parameter's information that no other one shares, or it is no question
 
 
 def omitted_blocks(
     solution: Solution, tested: Sequence[str] = ()
-) -> tuple[Array | float, tuple[str, ...]]:
-    """What blocks that show, and were not free, do to parameters: covariance (D, D), and words.
+) -> tuple[Array | float, tuple[str, ...], tuple[str, ...]]:
+    """Blocks that show, and were not free: what they do to parameters, their names, and words.
+
+    The first is a covariance (D, D).
 
     They would differ significantly from what they were held at, if they were free, and parameters
     may lie anywhere between both settings.
@@ -312,13 +323,13 @@ def omitted_blocks(
     network = solution.estimate.friction.law.is_network
     motors = {b.name for b in fitted if b.enters == "actuator"} == {"actuator"}
     if network or motors or not problem.count:
-        return 0.0, ()
+        return 0.0, (), ()
     offered = _that_may_be_free(solution, fitted, tested)
     if not offered:
-        return 0.0, ()
+        return 0.0, (), ()
     wider = widened(solution, (*fitted, *offered))
     if not np.isfinite(wider.normal.H[wider.closed]).all():
-        return 0.0, ()
+        return 0.0, (), ()
     H = wider.curvature + np.diag(wider.problem.limits.precision)
     g, parameters = wider.normal.g[wider.closed].sum(axis=0), wider.problem.parameters
     block = np.array([p.block for p in parameters])
@@ -338,9 +349,9 @@ def omitted_blocks(
             shift, pairs = (move - step_of(H, g, alone))[before], zip(names, p, strict=True)
             each = ", ".join(f"{name!r} (p = {p_value:.1g})" for name, p_value in pairs)
             words = f"{NOT_FREE}: {each}. Intervals hold what that would change; "
-            return np.outer(shift, shift) / 3.0, (f"{words}free them.",)
+            return np.outer(shift, shift) / 3.0, names, (f"{words}free them.",)
         names = (*names[:worst], *names[worst + 1 :])
-    return 0.0, ()
+    return 0.0, (), ()
 
 
 def widened(solution: Solution, blocks: tuple[ParameterBlock, ...]) -> Solution:

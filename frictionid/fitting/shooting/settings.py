@@ -101,9 +101,9 @@ def applicable(
     """The blocks without those that are offered and mean nothing here.
 
     A delay is that of sampled torques, or of held targets; backlash is between a joint and the
-    encoder of its servo; there is a bias where a motor drives, an offset of angles where none
-    does, neither beside levels of each direction. Beside a network, which would take up what
-    these show, only delays are offered.
+    encoder of its servo; there is a bias where a motor drives, an offset of angles where none does
+    (where one does, it is free if it would show), neither beside levels of each direction. Beside a
+    network, which would take up what these show, only delays are offered.
     """
     sampled, servos = torque_is_sampled(dataset), dataset.servos
     # servos alone drive, by targets that are held from one sample to the next

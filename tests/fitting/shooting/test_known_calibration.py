@@ -24,6 +24,7 @@ from frictionid.fitting.parameter_block import Parameter
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting, refine
 from frictionid.fitting.shooting.recipe import known_calibration
+from frictionid.fitting.shooting.refine import NOT_FREE
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, applicable
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
@@ -226,6 +227,19 @@ def test_where_no_motor_drives_a_zero_that_is_off_is_found_by_default(zero):
     assert off == 0.0 or off < 3.0 * fit.covariance.error[blocks.index("offset")]
     errors = fit.covariance.error[[block == "friction" for block in blocks]]
     assert (np.abs(fit.friction.theta[0] - [0.03, 0.004]) < 4.0 * errors).all()
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.05], ids=str)
+def test_where_a_motor_drives_a_zero_is_free_where_it_would_show(zero):
+    """As by a tilted base, of which a bias of the torque takes up but the mean."""
+    data = changed(tiny.dataset(), "angle", lambda q: q + zero)
+    fit = refine(START, data, settings=BRIEF)
+    blocks = [p.block for p in fit.covariance.parameters]
+    assert ("offset" in blocks) == (zero > 0.0) and "bias" not in blocks
+    if zero:
+        error = fit.covariance.error[blocks.index("offset")]
+        assert abs(float(fit.calibration.offset[0]) - zero) < 3.0 * error < 0.01
+    assert not any(NOT_FREE in words for words in fit.diagnostics.warnings)
 
 
 def test_no_bias_is_offered_beside_levels_of_each_direction():
