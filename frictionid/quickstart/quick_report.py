@@ -10,6 +10,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.check import Verdict
+from frictionid.check.findings import percent
 from frictionid.comparison.kind_descriptions import summary
 from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import Loss
@@ -37,11 +38,20 @@ from frictionid.report.figures.style import (
     velocity_axis,
 )
 from frictionid.report.figures.style import line as key_line
-from frictionid.report.numbers import NOTHING, added, factor, norm_unit, short, with_levels
+from frictionid.report.numbers import (
+    NOTHING,
+    added,
+    factor,
+    norm_unit,
+    short,
+    with_levels,
+)
 from frictionid.report.shooting_results import MANY, shooting_results
 from frictionid.report.tables import Table, table_of, text_columns
 from frictionid.report.terminal import Shown, console, parameter_table, say, show_torque_left
 from frictionid.report.verdict import times
+
+_BY_NOISE = 1.5  # times what noise leaves of the torque: right laws leave 0.7 to 1.0
 
 
 @dataclass(frozen=True)
@@ -185,6 +195,17 @@ def _torque(law: Law) -> str:
     return ", and ".join(summary(type(part)).rstrip(".") for part in parts)
 
 
+def _torque_left(frame: pd.DataFrame) -> list[str]:
+    """A sentence on the torque that a law leaves of all joints, where noise does not leave it."""
+    total = frame[frame.joint == "all"]
+    return [
+        f"It leaves {percent(left)} of the torque, noise of the angles at most {percent(noise)}: "
+        "something acts that this law does not have."
+        for left, noise in zip(total.left, total.noise, strict=True)
+        if left > _BY_NOISE * noise
+    ]
+
+
 def verdict(result: Quick) -> list[str]:
     """The verdict in sentences; none for unusable data."""
     if result.chosen is None or result.friction is None:
@@ -196,6 +217,7 @@ def verdict(result: Quick) -> list[str]:
         f"It {measure.words(chosen.error)} on held-out motion{median}, "
         f"{measure.size(_without(result).error)} without friction.",
     ]
+    out += () if measure.is_torque else _torque_left(chosen.torque)
     warnings = result.refined.warnings if result.refined else ()
     out += (words for words in warnings if words.startswith(NOT_FREE) or UNEXPLAINED in words)
     if result.folds < FEWEST:
@@ -211,8 +233,8 @@ def verdict(result: Quick) -> list[str]:
         )
     if min(c.error for c in result.candidates) < best.error:
         out.append(
-            "The table's errors are of all motion together; the rule compares mean errors of each "
-            "recording, of each fold where these are fewer than three, all with the same weight."
+            "The table has medians over all motion; the rule weighs all recordings alike, or all "
+            "folds of fewer than three."
         )
     unsure = [c for c in result.candidates if c.standing == "undecided"]
     if simpler := [c.name for c in unsure if 0 < c.parameters < chosen.parameters]:
@@ -228,7 +250,8 @@ def verdict(result: Quick) -> list[str]:
         out.append(
             f"Errors do not tell {lacking} from it; a parameter that these data identify does."
         )
-    others = {c.name: c.refined for c in result.candidates if c.refined and c is not chosen}
+    near = [c for c in result.candidates if c is not chosen and not _is_worse(c)]
+    others = {c.name: c.refined for c in near if c.refined}
     if result.refined and (sentence := added(result.refined, others)):
         out.append(sentence)
     if not _is_worse(_without(result)):

@@ -22,6 +22,7 @@ from fixtures.tiny_pendulums import dataset as tiny
 from fixtures.tiny_pendulums import recordings as recordings_of_tiny
 
 from frictionid.__main__ import main
+from frictionid.check.findings import percent
 from frictionid.comparison import cross_validate
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
@@ -134,6 +135,15 @@ def test_a_mass_that_is_not_nominal_is_said(result):
     assert against_nominal(replace(result.refined, parameters=right)) == []
 
 
+def test_torque_that_noise_does_not_leave_is_said(result):
+    sound = result.chosen.torque
+    assert (sound.left < sound.noise).all() and "of the torque" not in " ".join(verdict(result))
+    torque = sound.assign(left=2.0 * sound.noise)
+    said = verdict(replace(result, chosen=replace(result.chosen, torque=torque)))
+    share = f"{percent(2.0 * sound.noise.iloc[-1])} of the torque, noise of the angles at most"
+    assert sum(share in sentence for sentence in said) == 1
+
+
 @pytest.mark.parametrize(
     "said",
     [
@@ -151,7 +161,7 @@ def test_doubts_about_the_chosen_fit_are_said(result, said):
 
 
 def test_it_is_said_why_another_law_than_that_of_the_smallest_error_is_best(result):
-    said = "The table's errors are of all motion together; the rule compares mean errors"
+    said = "The table has medians over all motion; the rule weighs all recordings alike"
     assert said not in " ".join(verdict(result))
     worst = [replace(c, error=1.0 if c.standing == "best" else c.error) for c in result.candidates]
     assert said in " ".join(verdict(replace(result, candidates=tuple(worst))))

@@ -3,8 +3,8 @@
 Tf = stiffness q + preload
 
 A cable, a hose, a flexure or a balancing spring pulls the joint towards where it is slack, at
-q = -preload/stiffness. This is no friction: it gives back what it takes, and a joint at rest has it
-as well. Beside friction it is a part of a `sum`.
+q = -preload/stiffness, as the springs of joints in [MuJoCo2026]. This is no friction: it gives back
+what it takes, and a joint at rest has it as well. Beside friction it is a part of a `sum`.
 """
 
 from dataclasses import dataclass
@@ -17,8 +17,9 @@ from frictionid.friction import Inputs, Law, LawParameter, Memory
 class Spring(Law):
     """Tf = stiffness q + preload, of a cable or a spring.
 
-    It is the same in both directions and at rest, where it adds to the load that friction holds. A
-    bias of the torque sensor looks like the preload.
+    It is the same in both directions and at rest, where it adds to the load that friction holds.
+    `stiffness` is what the torque grows by with the position. `preload` is the torque at position
+    zero; a bias of the torque sensor looks like it.
     Part of a sum: `laws = ["coulomb_viscous", "spring"]`.
 
     >>> import numpy as np
