@@ -166,9 +166,9 @@ def fit_blocks(
     deviation of a block from an ideal sensor is not significant, the fit goes on from where it
     ended without the least significant one: free parameters that show nothing would only spoil what
     the others predict. Beside a network all stay: the scatter of a few recordings about so many
-    combinations says little. An offset of angles, as by a tilted base, is free beside a bias of
-    torques where it would show. Parameters of friction that the data do not tell are held at the
-    law's neutral values, base parameters that are offered at the nominal ones, see `neutral`.
+    combinations says little. An offset of angles is free beside a bias where it would show.
+    Parameters of friction that the data do not tell are held at the law's neutral values, base
+    parameters that are offered at the nominal ones, see `neutral`.
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     may_be_off = any(b.name == _OFFSET.name and b.offered for b in blocks)
@@ -207,10 +207,7 @@ def fit_as_begun(
 
 
 def refined_by(stage: Stage, start: Friction) -> tuple[Fit, tuple[str, ...]]:
-    """The result of a fit that began with a friction, without what was dropped or held.
-
-    And the names of blocks that were not free, and would show.
-    """
+    """The result, without what was dropped or held, and blocks that are not free and would show."""
     solution, estimate = stage.solution, stage.solution.estimate
     error, omitted, words = omitted_blocks(solution, [d.block for d in stage.dropped])
     smoothing, unsaid = smoothing_error(solution)
@@ -304,9 +301,7 @@ _OWN = 1e-6  # of a parameter's information that no other one shares, or it is n
 def omitted_blocks(
     solution: Solution, tested: Sequence[str] = ()
 ) -> tuple[Array | float, tuple[str, ...], tuple[str, ...]]:
-    """Blocks that show, and were not free: what they do to parameters, their names, and words.
-
-    The first is a covariance (D, D).
+    """What blocks that show, and were not free, do: covariance (D, D), their names, and words.
 
     They would differ significantly from what they were held at, if they were free, and parameters
     may lie anywhere between both settings.
