@@ -27,7 +27,7 @@ compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on
 	@for suite in acrobot acrobot_all acrobot_study; do \
 	  $(BIN)/frictionid compare comparisons/$$suite.toml --resume $(ARGS) || exit; done
 
-machines: $(CORE) ## every public machine by the same rules (10 minutes; FRICTIONID_DATA has the recordings); goes on where it stopped
+machines: $(CORE) ## every public machine by the same rules (13 minutes; FRICTIONID_DATA has the recordings); goes on where it stopped
 	@$(BIN)/python comparisons/machines.py $(ARGS)
 
 test: $(TEST) ## add the test tools to .venv, then run all tests (12 minutes on two cores)
