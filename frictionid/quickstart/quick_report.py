@@ -38,14 +38,7 @@ from frictionid.report.figures.style import (
     velocity_axis,
 )
 from frictionid.report.figures.style import line as key_line
-from frictionid.report.numbers import (
-    NOTHING,
-    added,
-    factor,
-    norm_unit,
-    short,
-    with_levels,
-)
+from frictionid.report.numbers import NOTHING, added, factor, norm_unit, short, with_levels
 from frictionid.report.shooting_results import MANY, shooting_results
 from frictionid.report.tables import Table, table_of, text_columns
 from frictionid.report.terminal import Shown, console, parameter_table, say, show_torque_left
@@ -185,10 +178,10 @@ def against_nominal(refined: Estimates) -> list[str]:
     return [f"Differing from the nominal values: {', '.join(each)}."] if differing else []
 
 
-def _torque(law: Law) -> str:
+def _equations(law: Law) -> str:
     """The torque of a law in words, of a sum that of its parts.
 
-    >>> _torque(Sum(("stribeck", "spring"))).partition(", and ")[2]
+    >>> _equations(Sum(("stribeck", "spring"))).partition(", and ")[2]
     'Tf = stiffness q + preload, of a cable or a spring'
     """
     parts = law.parts if isinstance(law, Sum) else (law,)
@@ -213,7 +206,7 @@ def verdict(result: Quick) -> list[str]:
     chosen, measure, best = result.chosen, result.measure, best_of(result)
     median = "" if measure.is_torque else " (median)"
     out = [
-        f"Verdict: {chosen.name}, {_torque(result.friction.law)}.",
+        f"Verdict: {chosen.name}, {_equations(result.friction.law)}.",
         f"It {measure.words(chosen.error)} on held-out motion{median}, "
         f"{measure.size(_without(result).error)} without friction.",
     ]
