@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from frictionid.arrays import MAD
+from frictionid.arrays import MAD, Array
+from frictionid.fitting.one_step.balances import Rows
 
 from .findings import Finding, finding
 from .motion import Measured
@@ -58,25 +59,40 @@ LEAST, KNOWN, ERRORS = 0.15, 0.1, 4.0
 
 
 def drift_findings(regression: Regression, estimate: Estimate) -> Iterator[Finding]:
-    """A finding for each joint whose friction grows or falls from the first to the last motion.
+    """A finding for each joint whose friction grows or falls, over all recordings or within each.
 
     The estimated friction of a joint, times the share of the motion that has gone by, is fitted
     beside friction of any shape and moderate changes of the mechanism, of all joints together.
     """
     rows, nominal = regression.rows, regression.measured.nominal
     each = estimate.value[nominal.shape[1] :]
-    progress = np.argsort(np.lexsort((rows.start, rows.recording))) / max(len(rows.start) - 1, 1)
-    columns = friction_columns(rows, FRICTION) * (progress - 0.5)[:, None, None]
+    shapes = friction_columns(rows, FRICTION)
     n, width = regression.torque.shape[1], len(FRICTION)
     parts = [slice(j * width, (j + 1) * width) for j in range(n)]
-    changes = [columns[..., part] @ each[part] for part in parts]
-    slides = [j for j in range(n) if np.abs(changes[j]).max(initial=0.0) > 0.0]
-    if not slides:
+    friction = np.stack([shapes[..., part] @ each[part] for part in parts])
+    slides = np.flatnonzero(np.abs(friction).max(axis=(1, 2), initial=0.0))
+    if not len(slides):
         return
     fit = nuisance_of(rows, nominal, PARAMETER_PRIOR).beside(regression.torque)
     target = regression.torque - rows.required(nominal)
-    change, error, _ = fit.estimate(target, *(changes[j] for j in slides))
-    for j, size, wrong in zip(slides, change.tolist(), error.tolist(), strict=True):
+    left = {}
+    for course, progress in _courses(rows).items():
+        columns = friction[slides] * (progress - 0.5)[:, None]
+        left[course] = fit.estimate(target, *columns)
+    course, (change, error, _) = min(left.items(), key=lambda item: item[1][2])
+    for j, size, wrong in zip(slides.tolist(), change.tolist(), error.tolist(), strict=True):
         if abs(size) > max(LEAST, ERRORS * wrong) and wrong < KNOWN:
-            words = {"size": abs(size), "way": "grows" if size > 0 else "falls"}
+            words = {"size": abs(size), "way": "grows" if size > 0 else "falls", "course": course}
             yield finding("friction_drift", {"change": size, "error": wrong}, words, j + 1)
+
+
+def _courses(rows: Rows) -> dict[str, Array]:
+    """Share (K,) of the motion that has gone by: of all recordings, and of each for itself."""
+    first = np.full(int(rows.recording.max()) + 1, np.inf)
+    np.minimum.at(first, rows.recording, rows.start)
+    time = rows.start - first[rows.recording]
+    rank = np.argsort(np.lexsort((rows.start, rows.recording)))
+    courses = {"in the course of the recordings": rank / max(len(rank) - 1, 1)}
+    if len(first) > 1:
+        courses["within each recording"] = time / max(float(time.max()), 1e-300)
+    return courses

@@ -208,7 +208,7 @@ def _of_tests(
     if tests.done and not tests.findings:
         passivity = [energy_test(tests.measured), *rest_tests(tests, estimate)]
         yield from (wrong for _, wrong in passivity if wrong is not None)
-    if tests.done and all(f.level == "good" for f in tests.findings):
+    if tests.done and all(f.level == "good" or f.kind == "delay" for f in tests.findings):
         yield from drift_findings(regression, estimate)
     yield from place_findings(tests, estimate)
     yield from unmeasured_findings(sources, tests, regression, estimate)

@@ -1,6 +1,7 @@
 """A joint that meets a stop, by MuJoCo: named with its angle; one that turns back freely is not.
 
-Friction that changes from recording to recording is named, by its size; constant one is not.
+Friction that changes from recording to recording, or within each, is named, by its size;
+constant one is not.
 """
 
 from dataclasses import replace
@@ -70,3 +71,41 @@ def test_friction_that_grows_or_falls_is_named_by_how_much(rise):
     for f in named:
         assert f.joint == 1 and abs(f.numbers["change"] - rise) < 0.15 * abs(rise)
         assert ("grows" if rise > 0 else "falls") in f.text and verdict.level == "doubtful"
+
+
+def warming_within(rise, late):
+    """Five recordings of 8 s at 100 Hz, friction grown by the share `rise` at the end of each.
+
+    The torque acts `late` samples after it is logged. Integrated in steps of .1 ms.
+    """
+    count, per = 800, 100
+    time = np.arange(count) / 100
+    rng = np.random.default_rng(7)
+    phase, rate = rng.uniform(0, 6, (5, 3)), rng.uniform(0.4, 1.6, (5, 3))
+    u = np.sin(2 * np.pi * rate[..., None] * time + phase[..., None]).sum(1) * 0.7
+    acts = np.concatenate([np.zeros((5, late)), u], axis=1)[:, :count]
+    q, w, h = np.zeros(5), np.zeros(5), 0.01 / per
+    angle = np.zeros((5, count))
+    for k in range(count):
+        angle[:, k] = q
+        for s in range(per):
+            level = 0.3 * (1 + rise * ((k + s / per) / count - 0.5))
+            friction = level * (np.tanh(w / 0.002) + 0.05 * w)
+            w = w + h * (acts[:, k] - 1.962 * np.sin(q) - friction) / 0.08
+            q = q + h * w
+    angle += 2e-4 * rng.standard_normal(angle.shape)
+    runs = {
+        f"r{i}": {"time": time, "angle": a[:, None], "torque": b[:, None]}
+        for i, (a, b) in enumerate(zip(angle, u, strict=True))
+    }
+    return Dataset.from_arrays(runs, MACHINE, hold="previous")
+
+
+@pytest.mark.parametrize(("rise", "late"), [(0.4, 0), (-0.4, 2), (0.0, 0)])
+def test_friction_that_changes_within_each_recording_is_named(rise, late):
+    """Beside a late torque, too: a machine seldom has one fault alone."""
+    verdict = check(warming_within(rise, late))
+    named = [f for f in verdict.findings if f.kind == "friction_drift"]
+    assert len(named) == (rise != 0.0) and (verdict.level == "good") == (rise == 0.0)
+    for f in named:
+        assert abs(f.numbers["change"] - rise) < 0.15 * abs(rise) and "within each" in f.text

@@ -17,7 +17,8 @@ from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-CANDIDATES = tuple(range(1, 25))  # harmonics that "auto" chooses among
+# harmonics that "auto" chooses among: with twelve coils and fourteen poles cogging has order 84
+CANDIDATES = tuple(range(1, 97))
 AUTO: Literal["auto"] = "auto"
 
 
@@ -76,7 +77,7 @@ class Cogging(Periodic):
 
     The amplitudes `cos` and `sin` of each harmonic k are torques, the same in both directions and
     at rest, where they add to the load that friction holds. `harmonics` are the k of `gear` times
-    the joint's angle; of "auto" least squares chooses those of 1 to 24 that the data show.
+    the joint's angle; of "auto" least squares chooses those of 1 to 96 that the data show.
     Part of a sum: `laws = ["stribeck", { kind = "cogging", harmonics = [7] }]`.
 
     >>> Cogging((7,)).names

@@ -28,7 +28,7 @@ class Ripple(Periodic, CombinedLaw):
     symmetric = false }; its viscous friction does not ripple.
     The amplitudes `cos` and `sin` of each harmonic k are parts of the level, up to a half each;
     where they add up to less than -1, the level is zero, as friction never drives. Of "auto" least
-    squares chooses those of 1 to 24 that the data show. With gear = 1 they repeat with each turn of
+    squares chooses those of 1 to 96 that the data show. With gear = 1 they repeat with each turn of
     the joint, with the ratio of a gear with each turn of the motor.
     """
 

@@ -196,6 +196,11 @@ def test_those_of_the_truth_are_chosen(seed):
     assert chosen(dataset(WAVES, seed), Cogging("auto")) == (6, 12)
 
 
+@pytest.mark.parametrize("order", [25, 84])
+def test_orders_of_brushless_motors_are_found(order):
+    assert chosen(dataset(((order, 0.02, 0.6),)), Cogging("auto")) == (order,)
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(
     "law", [Cogging("auto"), Ripple(harmonics="auto")], ids=["cogging", "ripple"]
