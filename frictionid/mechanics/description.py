@@ -160,10 +160,6 @@ def by_motion(e: sp.Expr, d: Description) -> dict[sp.Expr, sp.Expr]:
 def _match(coefficient: sp.Expr, d: Description, symbols: Sequence[sp.Symbol]) -> sp.Expr:
     if coefficient == 0 or not coefficient.free_symbols:
         return coefficient
-    for base, symbol in zip(d.base, symbols, strict=True):
-        ratio = sp.cancel(coefficient / base.expression)
-        if ratio.is_number:
-            return ratio * symbol
     factors = combination(coefficient, [base.expression for base in d.base])
     if factors is not None:
         return sum((f * s for f, s in zip(factors, symbols, strict=True)), sp.Integer(0))
