@@ -160,21 +160,12 @@ def interval_mean(
 ) -> Array:
     """Means (..., K, n) over intervals, sum_m weights[m] values[..., stencil[:, m], :]."""
     first, *others = (
-        c * values[..., _as_slice(index), :] for c, index in zip(weights, stencil.T, strict=True)
+        c * values.take(index, axis=-2) for c, index in zip(weights, stencil.T, strict=True)
     )
     mean: Any = first
     for part in others:
         mean += part
     return mean
-
-
-def _as_slice(index: Array) -> Any:
-    """Evenly spaced indices as a slice, which copies nothing; others as they are."""
-    if len(index) < 2:
-        return index
-    step = int(index[1] - index[0])
-    even = step > 0 and (index[1:] - index[:-1] == step).all()
-    return slice(int(index[0]), int(index[-1]) + 1, step) if even else index
 
 
 def momentum_balance(terms: Terms, stencil: Array) -> tuple[Array, Array, Array]:
