@@ -10,8 +10,14 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 565_101, 346, 524, 69
-TEST_TOKENS, WORDS = 414_231, 27_967
+BUDGET = {
+    "tokens": 564_991,
+    "files": 346,
+    "classes": 524,
+    "tokens of tests": 414_289,
+    "words": 27_966,
+}
+NAMES = 69
 
 
 def tokens(path):
@@ -20,20 +26,19 @@ def tokens(path):
     return sum(line not in silent for line, _ in token_lines(path))
 
 
-def test_the_package_stays_within_its_budget():
+def test_all_stays_within_its_budget():
+    """What is printed replaces the numbers of the budget."""
     files = list(PACKAGE.rglob("*.py"))
-    classes = sum(isinstance(node, ast.ClassDef) for file in files for node in nodes_of(file))
-    assert len(files) <= FILES and classes <= CLASSES
-    assert sum(map(tokens, files)) <= TOKENS
-
-
-def test_the_tests_stay_within_their_budget():
-    assert sum(map(tokens, (ROOT / "tests").rglob("*.py"))) <= TEST_TOKENS
-
-
-def test_the_documentation_stays_within_its_budget():
     pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
-    assert sum(len(page.read_text(encoding="utf-8").split()) for page in pages) <= WORDS
+    size = {
+        "tokens": sum(map(tokens, files)),
+        "files": len(files),
+        "classes": sum(isinstance(n, ast.ClassDef) for file in files for n in nodes_of(file)),
+        "tokens of tests": sum(map(tokens, (ROOT / "tests").rglob("*.py"))),
+        "words": sum(len(page.read_text(encoding="utf-8").split()) for page in pages),
+    }
+    above = {what: n for what, n in size.items() if n > BUDGET[what]}
+    assert not above, "\n".join(f'"{what}": {n:_},' for what, n in size.items())
 
 
 def test_few_names_are_public():

@@ -81,9 +81,10 @@ def _entries(doc: str) -> Iterator[tuple[list[str], str]]:
 
 
 def _paragraphs(doc: str) -> list[str]:
-    """Paragraphs of a docstring, without its entries and sections."""
+    """Paragraphs of a docstring, without its entries, examples and sections."""
     blocks = _SECTION.split(doc)[0].split("\n\n")
-    return [_one_line(block) for block in blocks if not _ENTRY.match(block.lstrip())]
+    prose = (b for b in blocks if not _ENTRY.match(b.lstrip()) and not b.startswith(">>>"))
+    return [_one_line(block) for block in prose]
 
 
 def _one_line(text: str) -> str:

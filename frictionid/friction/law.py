@@ -252,7 +252,7 @@ class Law(ABC):
         """Break-away level (..., n) [N m]: smaller loads cannot move the joint from rest.
 
         Of x.w only the sign counts, the direction of the impending motion; memory is that at this
-        moment. Zero where the memory itself holds the joint, as a bristle does.
+        moment. Zero where the memory itself holds the joint, as a bristle does, or nothing does.
         """
 
     def start(self, theta: Array, x: Inputs) -> Memory:

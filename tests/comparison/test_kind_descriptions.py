@@ -85,7 +85,7 @@ def test_the_commands_list_all_and_show_one(run, tmp_path, command):
     assert (code, err) == (0, "")
     assert [line for line in out.splitlines() if line in names] == names
     code, out, _ = run(tmp_path, command, names[-2])
-    assert code == 0 and out.startswith(f"{names[-2]}\n")
+    assert code == 0 and out.startswith(f"{names[-2]}\n") and ">>>" not in out
     code, out, _ = run(tmp_path, command, "--json")
     assert [kind["name"] for kind in json.loads(out)] == names
     outcome = run(tmp_path, command, f"{names[-2]}x")
