@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 564_991,
+    "tokens": 565_334,
     "files": 346,
     "classes": 524,
-    "tokens of tests": 414_289,
+    "tokens of tests": 414_826,
     "words": 27_966,
 }
 NAMES = 69

@@ -118,7 +118,10 @@ def _columns(law: Periodic, problem: Problem, j: int) -> Array:
     slow = [sign * np.exp(-np.abs(w) / (share * fast)) for share in SHAPES]
     base = [np.ones_like(w), sign, w, w * np.abs(w), *slow, np.cos(q), np.sin(q)]
     by = sign if isinstance(law, Ripple) else np.ones_like(w)
-    each = np.stack([*base, *(by * wave for wave in law.waves(q))], axis=1)
+    # of less than a turn of its wave a harmonic may be any function of the angle
+    turns = np.repeat(law.orders, 2) * law.gear * np.ptp(q) / (2 * np.pi)
+    waves = [by * (turn >= 1) * wave for turn, wave in zip(turns, law.waves(q), strict=True)]
+    each = np.stack([*base, *waves], axis=1)
     at = problem.stencil
     change = (w[at[:, -1]] - w[at[:, 0]]) / problem.dt
     return np.concatenate([change[:, None], problem.mean(each)], axis=1)

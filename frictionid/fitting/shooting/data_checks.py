@@ -26,6 +26,7 @@ _FEW = 4  # windows: of fewer, no interval is worth the name
 _STILL = 10.0  # [noise]: a joint that moves less does not move
 _FOLLOWED = 0.01  # of third differences: the smoother takes off nothing
 _MORE = 8.0  # times what the smoother takes off, which is some 0.6 of the noise
+_FAR = 100.0  # the same, of predictions that say nothing
 _EARLY = 0.001  # [s] that a torque acts before it was logged
 _MANY = 12  # base parameters
 _ROUNDING = 1e-9  # of what a rotor changes
@@ -221,6 +222,11 @@ def warnings_of(solution: Solution) -> Iterator[str]:
 def explained(solution: Solution) -> bool:
     """Whether all angles are predicted about as well as they are measured."""
     return bool((_worse(solution) <= _MORE).all())
+
+
+def is_astray(solution: Solution) -> bool:
+    """Whether predictions are farther off, or base parameters run farther, than in any fit."""
+    return bool(_worse(solution).max() > _FAR) or any(_scaled(solution))
 
 
 def _worse(solution: Solution) -> Array:

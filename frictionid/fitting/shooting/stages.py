@@ -3,7 +3,7 @@
 A fit goes through several stages with fewer free parameters, each from where the last one ended.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ from ..parameter_block import (
     with_values,
 )
 from ..sandwich import excess_of
-from .data_checks import check_blocks, check_data, explained, telling
+from .data_checks import check_blocks, check_data, explained, is_astray, telling
 from .gauss_newton import cost_rise, solve, step_with_windows
 from .networks import as_given, goes_astray, on_arrays, torque_samples, with_combinations
 from .problem import ShootingProblem, shooting_problem
@@ -44,6 +44,7 @@ _VELOCITIES = np.geomspace(0.01, 100.0, 13)  # [rad/s, m/s] that are tried of a 
 _KEPT = 0.8  # of the windows that count
 # Windows that hold a reversal are the ones that are lost where most hold none; longer ones all do.
 _MANY, _LONGER = 0.75, 3.0  # of the windows that count; times their length where there are fewer
+_SHORTER, _FEWEST = 0.25, 5  # of a window's length before; samples in the shortest
 _FOLLOWS = 1e-3  # [sizes]: how near a parameter stays to those that it is like
 _WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarithms agree
 
@@ -172,15 +173,24 @@ def begun(stage: Stage) -> Stage:
 
 
 def _begun_roughly(stage: Stage, rough: Settings) -> Stage:
-    """The stage with a rough fit, of longer windows where that of usual ones loses many or all."""
-    usual, stage = rough.windows == WINDOWS, stage._replace(settings=rough)
+    """The stage with a rough fit, of other windows where that of usual ones does not hold.
+
+    Of longer ones where it loses many or all, of shorter ones where it goes astray:
+    friction that falls with the speed soon makes of the noise of a start any motion at all.
+    """
+    usual, start = rough.windows == WINDOWS, stage._replace(settings=rough)
     try:
-        stage = _with_peaks(solved(stage))
-        if not usual or stage.solution.closed.mean() >= _MANY:
+        stage = _with_peaks(solved(start))
+        if not usual:
+            return stage
+        if is_astray(stage.solution):
+            return _begun_otherwise(start, stage)
+        if stage.solution.closed.mean() >= _MANY:
             return stage
     except NoFitError:
         if not usual:
             raise
+        stage = start
     windows = rough.at(float(np.median(stage.intervals.dt))).windows
     longer = replace(rough, windows=tuple(_LONGER * w for w in windows))
     try:
@@ -189,6 +199,34 @@ def _begun_roughly(stage: Stage, rough: Settings) -> Stage:
         if stage.ended is None:
             raise
         return stage
+
+
+def _begun_otherwise(start: Stage, astray: Stage) -> Stage:
+    """The first fit from the start that does not go astray, in windows as short as samples allow.
+
+    If none does, offered base parameters are held: friction alone may move a joint.
+    """
+    base = [b.name for b in start.blocks if b.enters == "base" and b.offered]
+    blocks = tuple(b for b in start.blocks if b.name not in base)
+    none_shows = tuple(Dropped(name, 1.0) for name in base)
+    held = start._replace(blocks=blocks, dropped=(*start.dropped, *none_shows))
+    for stage in (*_in_shorter_windows(start), *_in_shorter_windows(held)):
+        try:
+            astray = _with_peaks(solved(stage))
+        except NoFitError:
+            continue
+        if not is_astray(astray.solution):
+            break
+    return astray
+
+
+def _in_shorter_windows(stage: Stage) -> Iterator[Stage]:
+    windows = stage.settings.windows
+    shortest = float(np.median(stage.intervals.dt)) * _FEWEST
+    while windows[0] > shortest:
+        share = max(_SHORTER, shortest / windows[0])
+        windows = tuple(share * w for w in windows)
+        yield stage._replace(settings=replace(stage.settings, windows=windows))
 
 
 def _with_peaks(stage: Stage) -> Stage:

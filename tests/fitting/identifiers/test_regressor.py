@@ -215,6 +215,12 @@ def test_without_torque_gravity_and_inertia_leave_nothing_to_a_wave(law):
     assert chosen(changed(dataset(WAVES), "torque", np.zeros_like), law) == ()
 
 
+def test_a_joint_that_does_not_go_through_a_wave_shows_none():
+    data = dataset(((1, 0.02, 0.6),))
+    assert max(np.ptp(r.angle.value) for r in data.recordings) < 2 * np.pi
+    assert 1 not in chosen(data, Cogging("auto"))
+
+
 def test_behind_a_gear_they_are_those_of_the_motor():
     data = dataset(((7, 0.01, 0.3),), gear=9)
     assert chosen(data, Cogging("auto", gear=9.0)) == (7,)

@@ -9,7 +9,9 @@ from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.true_curves import curve_errors
 from numpy.testing import assert_allclose
 
+import frictionid as fid
 from frictionid.data.plants import plant_of
+from frictionid.data.recordings import Dataset
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.shooting import refine
@@ -156,3 +158,44 @@ def test_bounds_and_priors_from_the_command_line(axis, tmp_path, run):
     assert joint["viscous"]["value"] == pytest.approx(20.0, abs=1e-3)
     outcome = run(tmp_path, *words, "bounds.viscuos=[0, 1]", "--replace")
     assert_one_line(outcome, "did you mean 'viscous'")
+
+
+# --- Slow motion under friction that falls with the speed -----------------------------------------
+
+
+SLOW = (0.9, 0.5, 0.01, 0.6)  # N, N, m/s, N s/m
+
+
+def slow_axis(level, peak, velocity, viscous, mass):
+    """A carriage that a controller leads along slow sines, in steps of .1 ms, friction as it is.
+
+    Four recordings of 5 s at 250 Hz, positions to 2 um, forces to 20 mN.
+    """
+    rng, time, per, h = np.random.default_rng(3), np.arange(1250) / 250, 40, 1e-4
+    rate, phase = 2 * np.pi * np.array([0.2, 0.4, 0.6]), rng.uniform(0, 2 * np.pi, (4, 3))
+    waves = rate * time[:, None, None] + phase
+    aim, speed = 0.012 * np.sin(waves).sum(-1), 0.012 * (rate * np.cos(waves)).sum(-1)
+    q, w = aim[0], speed[0]
+    angle, force = np.empty_like(aim), np.empty_like(aim)
+    for k in range(len(time)):
+        angle[k], force[k] = q, 900.0 * (aim[k] - q) + 40.0 * (speed[k] - w)
+        for _ in range(per):  # what friction cannot stop within a step slides on
+            most = h / mass * (level + peak * np.exp(-((w / velocity) ** 2)))
+            free = w + h / mass * (force[k] - viscous * w)
+            w = np.sign(free) * np.maximum(np.abs(free) - most, 0.0)
+            q = q + h * w
+    angle += 2e-6 * rng.standard_normal(angle.shape)
+    logged = force + 0.02 * rng.standard_normal(force.shape)
+    runs = {
+        f"r{i}": {"time": time, "angle": angle[:, [i]], "torque": logged[:, [i]]} for i in range(4)
+    }
+    machine = {"kind": "linear_axis", "parameters": {"mass": 1.02 * mass}}
+    return Dataset.from_arrays(runs, machine, hold="previous")
+
+
+def test_windows_are_shorter_where_friction_that_falls_lets_predictions_run_away():
+    """In .3 s the noise of a start grows by e^80: fits of usual windows ran to any inertia."""
+    friction = fid.fit(slow_axis(*SLOW, mass=0.2), "stribeck").friction
+    assert friction.law.names == NAMES
+    assert_allclose(friction.theta[0], SLOW, rtol=0.1)
+    assert_allclose(friction.calibration.base.ravel(), 0.2, rtol=0.1)
