@@ -35,7 +35,14 @@ from .predicted_motion import (
 from .prepared import CalibratedView, Prepared, calibrated_views
 from .score_frame import Score, parts_of, score_frame
 from .statistics import FEWEST
-from .torque_left import TorqueWindows, has_torque, row_torques, torque_scores, torque_windows
+from .torque_left import (
+    TorqueWindows,
+    has_torque,
+    row_torques,
+    sliding,
+    torque_scores,
+    torque_windows,
+)
 
 
 def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Array) -> Array:
@@ -222,7 +229,7 @@ def _scored(
 
 def _one_step_scores(model: _Model, held_out: HeldOut) -> tuple[list[Score], TorqueWindows | None]:
     """Scores of one step, and the torque that it leaves, where torques were measured."""
-    data = model.first
+    data, sharp = model.first, sliding(model.friction)
     scores: list[Score] = []
     units, sizes = data.plant.mechanism.velocity_units, data.dataset.scales.size
     for name, held in zip(("euler", "integral"), held_out.rows, strict=True):
@@ -236,7 +243,9 @@ def _one_step_scores(model: _Model, held_out: HeldOut) -> tuple[list[Score], Tor
             residual[use] = unexplained[:, : data.plant.n]  # coupled parts add no rows
             energy[:, use] = dissipated(problem, residual[use], use)
             if name == "integral":
-                torque[:, use] = row_torques(problem, residual[use], use)
+                if sharp.law is not model.friction.law:
+                    unexplained = held_out_residual(sharp[folds], problem, use, place)
+                torque[:, use] = row_torques(problem, unexplained[:, : data.plant.n], use)
         scores += one_step_scores(residual, held, f"one_step_{name}", units, sizes)
     if model.friction.mechanism:
         return scores, None

@@ -12,6 +12,7 @@ the windows that count.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -240,7 +241,12 @@ def _balance(friction: Friction, prepared: Prepared) -> tuple[Problem, Array]:
     """The momentum balance of data corrected for a friction (n, P), and what it leaves (K, n)."""
     data = with_calibration(prepared_for(prepared, friction), friction.calibration)
     problem = data.integral
-    return problem, problem.residual(along(friction, problem.nodes))[:, : data.plant.n]
+    return problem, problem.residual(along(sliding(friction), problem.nodes))[:, : data.plant.n]
+
+
+def sliding(friction: Friction) -> Friction:
+    """The friction without numerical smoothing, which slow joints that slide would seem to lack."""
+    return replace(friction, law=friction.law.sharpened())
 
 
 _FRAME = {
