@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 565_334,
+    "tokens": 565_441,
     "files": 346,
     "classes": 524,
-    "tokens of tests": 414_826,
+    "tokens of tests": 414_832,
     "words": 27_966,
 }
 NAMES = 69

@@ -34,6 +34,7 @@ def lab(shared_path):
     for name, text in (
         ("words", "t_ms,pos_deg,u\n0,1,2\n10,lost,2\n"),
         ("nameless", "0,1,5\n10,1,2\n"),
+        ("headed", "t,state,q\n0,a,5\nt,state,q\n1,a,2\n"),
         (
             "repeated",
             "t_ms,pos_deg,u\n" + "".join(f"{k - k % 3},{k % 7},{k % 2}\n" for k in range(99)),
@@ -170,6 +171,7 @@ arm/run1.csv single/run1.csv INIT => lie in 2 folders
 . INIT                       => \. has no table that ends with \.csv
 words/run1.MCAP INIT         => run1\.MCAP: no table that ends with .*\.mcap
 words INIT                   => run1.csv, row 3: column 'pos_deg' holds 'lost', which is no
+headed INIT                  => row 3: column 'q' holds 'q', .*; delete the row, which repeats
 repeated INIT --torque u     => run1.csv, row 3: .* .66 such rows: 3
 nameless INIT                => run1.csv: 0 columns look like angles, .* there are '1' \(0 to 10\)
 """

@@ -194,6 +194,7 @@ def cell_number(cell: str, row: int, name: str, file: str, remedy: str = _REMEDY
         return number(text) if text else np.nan
     except ValueError:
         remedy = "a table with a header needs header = true" if row == 1 else remedy
+        remedy = "delete the row, which repeats the header" if text == name else remedy
         raise InputError(
             f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; {remedy}"
         ) from None

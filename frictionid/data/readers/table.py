@@ -135,7 +135,8 @@ def numeric_table(content: bytes, file: str) -> Table:
     """
     table = _table(content, file, None)
     if not len(table.rows) or not table.columns:
-        raise InputError(f"{file} has no rows of numbers below its header; name another table")
+        none = f"{file} has no rows of numbers below its header; name another table"
+        raise InputError([none, *table.faults.values()][-1])
     return table
 
 
