@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 565_441,
+    "tokens": 566_136,
     "files": 346,
     "classes": 524,
-    "tokens of tests": 414_832,
+    "tokens of tests": 415_550,
     "words": 27_966,
 }
 NAMES = 69

@@ -31,7 +31,7 @@ LEFT_OVER = "a guess, as no other column is left; "
 _RUN, _SHORTEST = 20, 5  # rows of a run at least, on average and each
 _RATES = (4.0, 20e3)  # [Hz] at which machines are recorded
 _TURNS = 2.0 * 2 * np.pi  # [rad]: joints rarely turn further, unless these are degrees
-_LENGTHS = ("m", "mm")
+LENGTHS = ("m", "mm")
 _AMPERES = 60.0  # more are mA
 _TORQUE = {"rad": "N m", "m": "N"}
 _SLOPE = 0.9  # correlation with the slope of an angle, of a velocity
@@ -74,8 +74,8 @@ class ColumnGuesses(NamedTuple):
         """The guesses with another unit of the angles, or of those that are of its kind."""
         units: str | tuple[str, ...] = unit
         if not isinstance(self.angle.unit, str):
-            length = unit in _LENGTHS
-            units = tuple(unit if (u in _LENGTHS) == length else u for u in self.angle.unit)
+            length = unit in LENGTHS
+            units = tuple(unit if (u in LENGTHS) == length else u for u in self.angle.unit)
         return self._replace(angle=self.angle._replace(unit=units, evidence=evidence))
 
 
@@ -281,7 +281,7 @@ def _angle_unit(table: Table, names: Sequence[str], kind: str) -> tuple[str, str
     high = max(float(np.nanmax(table.columns[name])) for name in names)
     span = f"{low:.4g} to {high:.4g}"
     unit = unit_of(names[0], "angle")
-    if unit and (unit in _LENGTHS) == (kind == "m"):
+    if unit and (unit in LENGTHS) == (kind == "m"):
         return unit, f"the name says {unit}; {span}"
     if kind == "m":
         return ("mm", f"{span}: in m a long way") if high - low > 20 else ("m", span)

@@ -207,7 +207,7 @@ def _mechanism_table(
 def _guesses(
     tables: Tables, machine: Mechanism, columns: RobotColumns, facts: Known
 ) -> ColumnGuesses:
-    """Guesses of the columns, with the unit of the angles that the file's limits ask for."""
+    """Guesses of the columns, with the units of the angles that names or the file ask for."""
     named = {**facts.columns, "angle": columns.angle}
     if columns.torque:
         named["torque"] = columns.torque
@@ -217,8 +217,7 @@ def _guesses(
     if columns.guessed:
         guess = guesses.torque
         guesses = guesses._replace(torque=guess._replace(evidence=LEFT_OVER + guess.evidence))
-    units = tuple("m" if unit == "m" else columns.unit for unit in machine.position_units)
-    unit = units[0] if len(set(units)) == 1 else units
+    unit = columns.units[0] if len({*columns.units}) == 1 else columns.units
     angle = guesses.angle._replace(unit=unit, evidence=columns.evidence)
     used = {*columns.velocity, *columns.target, *names_of(columns.imu)}
     return guesses._replace(angle=angle, unused=tuple(n for n in guesses.unused if n not in used))

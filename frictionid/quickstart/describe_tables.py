@@ -7,6 +7,7 @@ import json
 import tempfile
 import textwrap
 from collections.abc import Mapping, Sequence
+from itertools import compress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -204,8 +205,14 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
 
 def encoder_of(table: Table, guesses: ColumnGuesses) -> dict[str, Any]:
     """Keys of [motor] for the angles of a table that are taken as counts; {} for others."""
-    angles = np.stack([table.columns[name] for name in guesses.angle.columns])
-    return counts_of(angles, named=True) if guesses.angle.unit == "counts" else {}
+    counted = np.broadcast_to(guesses.angle.unit, len(guesses.angle.columns)) == "counts"
+    if not counted.any():
+        return {}
+    names = compress(guesses.angle.columns, counted)
+    keys: dict[str, Any] = counts_of(np.stack([table.columns[n] for n in names]), named=True)
+    if not counted.all():
+        keys["offset"] = np.where(counted, keys["offset"], 0.0).tolist()
+    return keys
 
 
 def described_draft(draft: Draft, *, blind: bool) -> Described:
@@ -331,7 +338,7 @@ def dataset_text(draft: Draft) -> str:
         "values": draft.mechanism.get("parameters", {}),
         "driven": any(g.torque.columns),
         "bags": draft.tables.files[0].endswith(BAGS),
-        "rates": [f"{unit}/s" for unit in units],
+        "rates": [{"mrad": "rad/s", "rev": "rpm"}.get(unit, f"{unit}/s") for unit in units],
         "turned": {key: signs for key, signs in g.signs.items() if set(signs) != {1}},
     }
     return _rendered("dataset.toml.j2", draft, context)

@@ -3,7 +3,6 @@
 Columns are assigned by what their names share with the joints' names, or by their order.
 """
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,24 +10,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.readers.column_toml import counts_of
+from frictionid.data.readers.column_toml import UNITS, counts_of
 from frictionid.data.readers.table import Table
 from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body.robot import MOVING, Joint, Robot
 from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, robot_format
 
-from .column_guesses import check_named
+from .column_guesses import LENGTHS, check_named
 from .tables import (
-    FILTERED,
+    COUNTS,
     OTHERS,
-    SENSED,
-    UNMEASURED,
-    WORDS,
     by_trust,
     is_measured,
     is_target,
     nameless,
     quantity_of,
+    tokens,
     unit_of,
     words,
 )
@@ -37,18 +34,7 @@ _READ = {"urdf": read_urdf, "mjcf": read_mjcf}
 _SILENT = 0.02  # of the median of the joints' largest torques: below, a motor is not measured
 _BEYOND = 1.05  # times the travel that the file allows: further, and angles are not the joint's
 _DEGREES = 4 * np.pi  # of an angle without limits: joints rarely turn further
-_SAYING = {"angle": ("rad", "deg"), "torque": ("N m",)}  # units that no other quantity has
-_PLAIN = {
-    "joint",
-    "link",
-    "motor",
-    "raw",
-    "rad",
-    "deg",
-    "nm",
-    *(UNMEASURED | SENSED | FILTERED),
-    *frozenset().union(*WORDS.values()),
-}
+_SAYING = {"angle": ("rad", "mrad", "deg", "mm"), "torque": ("N m",)}  # of no other quantity
 
 
 class RobotFile(NamedTuple):
@@ -87,7 +73,7 @@ class RobotColumns(NamedTuple):
     torque, velocity, target : columns, or none
     locked : means of joints whose torque is not measured, and why, in words
     side : "motor" where the angles cannot be those of the joints
-    unit : "rad" or "deg" of the angles; evidence : what speaks for these
+    units : of the angles, one per joint; evidence : what speaks for these
     guessed : whether the columns of torque are those that are left over
     """
 
@@ -100,7 +86,7 @@ class RobotColumns(NamedTuple):
     locked: Mapping[str, float] = {}
     silent: str = ""
     side: str = "joint"
-    unit: str = "rad"
+    units: tuple[str, ...] = ()
     evidence: str = ""
     imu: Mapping[str, Any] = {}
     guessed: bool = False
@@ -123,27 +109,25 @@ def robot_columns(
     Raises
     ------
     InputError
-        Where no angles can be assigned.
+        Where no angles can be assigned, or a column that is named has no joint.
     """
     base, every = _movable(robot)
     movable = [j for j in every if only is None or j.name in only]
     check_named(table, named)
     imu = imu_columns(table) if base else {}
     left = [name for name in table.columns if name not in names_of(imu)]
+    if all(j.kind != "prismatic" for j in every):
+        left = [name for name in left if unit_of(name, "angle") != "mm"]
     kinds = ("angle", "torque", "current", "velocity", "target")
     called = {kind: named.get(kind) or [n for n in left if _is(n, kind)] for kind in kinds}
     by = {kind: _most_assigned(movable, called[kind]) for kind in kinds}
     if not by["angle"]:
         by["angle"] = _named_alike(movable, left)
     if not by["angle"]:
-        angles = ", ".join(n for n in table.columns if _is(n, "angle")) or "none"
-        if all(map(str.isdecimal, table.columns)):
-            angles = f"'1' to '{len(table.columns)}', without a header, do not"
-        raise InputError(
-            f"{table.file}: columns {angles} look like angles, and the robot "
-            f"has the joints {', '.join(j.name for j in movable)}: name one column for each joint "
-            "that moves with --angle, and the joints with --set 'joints=[...]'"
-        )
+        raise _no_angles(table, movable)
+    logged = {**_most_assigned(every, called["angle"]), **by["angle"]}
+    driving = {**_most_assigned(every, called["torque"]), **by["torque"]}
+    _check_joints(named, {"angle": logged, "torque": driving})
     joints = [j for j in movable if j.name in by["angle"]]
     pushes, guessed = by["torque"] or by["current"], False
     if not (pushes or by["target"]):
@@ -156,12 +140,9 @@ def robot_columns(
     near = ", ".join(pushes[name] for name in silent)
     said = f"{near} stay near zero: nothing drives these joints, which are locked at their mean"
     kept = tuple(j for j in driven if j.name not in (*silent, *mute))
-    logged = {**_most_assigned(every, called["angle"]), **by["angle"]}
     still = [j for j in every if j.name in logged and j not in kept]
     angle = tuple(by["angle"][j.name] for j in kept)
-    side, unit, evidence = _side(table, kept, angle, gear)
-    size = {j.name: np.pi / 180 if unit == "deg" and j.kind != "prismatic" else 1.0 for j in still}
-    mean = {name: factor * np.nanmean(table.columns[logged[name]]) for name, factor in size.items()}
+    side, units, evidence = _side(table, kept, angle, gear)
     return RobotColumns(
         kept,
         base,
@@ -169,14 +150,50 @@ def robot_columns(
         tuple(pushes[j.name] for j in kept if pushes),
         _of_all(kept, by["velocity"]),
         () if pushes else _of_all(kept, by["target"]),
-        {name: round(float(angle), 4) for name, angle in mean.items()},
+        {j.name: _mean(table, logged[j.name], j, units) for j in still},
         said * bool(silent),
         side,
-        unit,
+        units,
         evidence,
         imu,
         guessed,
     )
+
+
+def _check_joints(
+    named: Mapping[str, Sequence[str]], assigned: Mapping[str, Mapping[str, str]]
+) -> None:
+    """Refuse a column of angles or torques that is named and has no joint with an angle."""
+    for quantity, columns in assigned.items():
+        held = [name for joint, name in columns.items() if joint in assigned["angle"]]
+        lost = [name for name in named.get(quantity, ()) if name and name not in held]
+        if lost:
+            raise InputError(
+                f"--{quantity}: {lost[0]!r} has no joint with an angle: columns are called as "
+                "their joints, or there is one for each joint, in their order; name these with "
+                "--set 'joints=[...]', or leave the column out"
+            )
+
+
+def _no_angles(table: Table, movable: Sequence[Joint]) -> InputError:
+    """What is wrong where no column is the angle of a joint."""
+    angles = ", ".join(n for n in table.columns if _is(n, "angle"))
+    which = f"columns {angles}" if angles else "no columns"
+    if all(map(str.isdecimal, table.columns)):
+        which = f"columns '1' to '{len(table.columns)}', without a header, do not"
+    return InputError(
+        f"{table.file}: {which} look like angles, and the robot "
+        f"has the joints {', '.join(j.name for j in movable)}: name one column for each joint "
+        "that moves with --angle, and the joints with --set 'joints=[...]'"
+    )
+
+
+def _mean(table: Table, name: str, joint: Joint, units: Sequence[str]) -> float:
+    """Mean [rad] or [m] of a column, its unit by its name, else that of others (units)."""
+    column, slides = table.columns[name], joint.kind == "prismatic"
+    usual = "m" if slides else next((u for u in units if u not in LENGTHS), "rad")
+    size = UNITS["angle"].get(_unit_said(name, column, joint) or usual, 1.0)
+    return round(float(size * np.nanmean(column)), 4)
 
 
 def _of_all(joints: Sequence[Joint], columns: Mapping[str, str]) -> tuple[str, ...]:
@@ -199,17 +216,6 @@ def _is(name: str, kind: str) -> bool:
         return is_target(name)
     by_unit = (quantity for quantity, units in _SAYING.items() if unit_of(name, quantity) in units)
     return (quantity_of(name) or next(by_unit, "")) == kind and is_measured(name)
-
-
-def tokens(name: str) -> frozenset[str]:
-    """What tells a joint from others in a name: words and numbers that say no quantity or unit.
-
-    >>> sorted(tokens("position_arm_1")), sorted(tokens("FL_hip_joint")), sorted(tokens("i_2_A"))
-    (['1', 'arm'], ['fl', 'hip'], ['2'])
-    """
-    numbers = {str(int(number)) for number in re.findall(r"\d+", name)}
-    unit = unit_of(name, "torque") if quantity_of(name) == "current" else ""
-    return frozenset(({*words(name)} - _PLAIN - {*words(unit)}) | numbers)
 
 
 def _most_assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
@@ -268,30 +274,62 @@ def _side(
     joints: Sequence[Joint],
     columns: Sequence[str],
     gear: float | Sequence[float] | None,
-) -> tuple[str, str, str]:
-    """Side and unit of the angles, by their names and by how far the file lets the joints turn."""
+) -> tuple[str, tuple[str, ...], str]:
+    """Side and units of the angles, by their names and by how far the file lets the joints turn."""
     angles = [table.columns[name] for name in columns]
     travel = np.array([np.ptp(angle[np.isfinite(angle)]) for angle in angles])
+    said = np.array([*map(_unit_said, columns, angles, joints)])
+    slides = np.array([j.kind == "prismatic" for j in joints])
     room = np.array([j.limits.upper - j.limits.lower for j in joints])
-    turns = np.isfinite(room)
-    room = np.where(turns, room, _DEGREES)
-    said = {unit_of(name, "angle") for name in columns}
-    sizes = {"rad": 1.0, "deg": np.pi / 180}
-    sizes = {unit: size for unit, size in sizes.items() if said == {unit}} or sizes
-    fits = [unit for unit, size in sizes.items() if (size * travel <= _BEYOND * room).all()]
-    first, *_, last = *sizes, *sizes
+    told = said != ""
+    usual = np.where(np.isfinite(room), room, np.where(told, np.inf, _DEGREES))
+    most = _BEYOND * np.where(told & slides, np.inf, usual)
     named = any("motor" in words(name) for name in columns)
-    span = f"travel of up to {travel.max():.3g}, where the file allows {room[travel.argmax()]:.3g}"
-    if named or (gear is not None and first not in fits):
+    shaft = named or "counts" in said[slides]
+    far = (travel > most) & (travel <= 1e3 * most) & (gear is None and not shaft)
+    lengths = np.where(far, "mm", "m")
+
+    def units_with(unit: str) -> tuple[str, ...]:
+        return tuple(np.where(told, said, np.where(slides, lengths, unit)).tolist())
+
+    def fit(units: Sequence[str], ratio: Any = 1.0) -> bool:
+        size = np.array([UNITS["angle"].get(unit, 0.0) for unit in units])
+        return bool((size * travel / ratio <= most).all())
+
+    first, last = units_with("rad"), units_with("deg")
+    fits = [units for units in (first, last) if fit(units)]
+    span = _span(joints, travel, said)
+    if shaft or (gear is not None and first not in fits):
         ratio = np.abs(np.asarray(gear if gear is not None else np.inf, dtype=float))
-        turned = (sizes[first] * travel / ratio <= _BEYOND * room).all()
-        unit = first if turned else last
-        return "motor", unit, f"{'named like motors' if named else span}; taken as {unit}"
-    if "rad" not in fits and len(sizes) > 1 and counts_of(np.stack(angles)):
-        return "joint", "counts", f"{span} rad: counts, a guess, see [motor]"
+        units = first if fit(first, ratio) else last
+        taken = ", ".join(dict.fromkeys(units))
+        return "motor", units, f"{'named like motors' if named else span}; taken as {taken}"
+    free = ~(told | slides)
+    if first not in fits and counts_of(np.stack(angles)[free]):
+        return "joint", units_with("counts"), f"{span}: counts, a guess, see [motor]"
     if fits:
-        return "joint", fits[0], f"{span} rad{': degrees' if fits[0] == 'deg' else ''}"
-    return "motor", first, f"{span} rad: angles of the motors, before a gear"
+        return "joint", fits[0], f"{span}{': degrees' if fits[0] != first else ''}"
+    return "motor", first, f"{span}: angles of the motors, before a gear"
+
+
+def _unit_said(name: str, angle: Array, joint: Joint) -> str:
+    """Unit of a joint's angles that their name says, or ""."""
+    if COUNTS & {*words(name)} and counts_of(angle, named=True):
+        return "counts"
+    unit = unit_of(name, "angle")
+    return unit if (unit in LENGTHS) == (joint.kind == "prismatic") else ""
+
+
+def _span(joints: Sequence[Joint], travel: Array, said: Any) -> str:
+    """The units that the names say, and the widest travel, of a joint that turns if any does."""
+    j = max(range(len(joints)), key=lambda j: (joints[j].kind != "prismatic", travel[j]))
+    low, high, *_ = joints[j].limits
+    limit = f"allows {high - low:.3g} {'m' if joints[j].kind == 'prismatic' else 'rad'}"
+    if np.isinf(high - low):
+        limit = "sets no limit" + f"; few turn further than {_DEGREES:.3g} rad" * (not said[j])
+    units = ", ".join(dict.fromkeys(filter(None, said)))
+    names = f"the name says {units}; " * bool(units)
+    return f"{names}travel of up to {travel[j]:.3g}, where the file {limit}"
 
 
 # --- Columns of an IMU ----------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from frictionid.data.readers.column_toml import SPELLINGS, UNITS
+from frictionid.data.readers.column_toml import CURRENTS, SPELLINGS, UNITS
 from frictionid.data.readers.formats import ros
 from frictionid.data.readers.table import Table, numeric_table, with_times
 from frictionid.errors import InputError
@@ -105,6 +105,12 @@ ENDS = frozenset("ee eef tcp cartesian".split())
 # Said to be a sensor's.
 SENSED = frozenset("meas measured act actual sensor sensed ist".split())
 FILTERED = frozenset("filt filtered smooth smoothed".split())
+# Said to tell no joint from others.
+_PLAIN = {
+    *"joint link motor raw rad mrad deg mm nm".split(),
+    *(UNMEASURED | SENSED | FILTERED | COUNTS),
+    *frozenset().union(*WORDS.values()),
+}
 
 
 def words(name: str) -> list[str]:
@@ -166,6 +172,23 @@ def unit_of(name: str, quantity: str) -> str:
     bracket = re.search(r"[\[(]([^\])]*)[\])]", name)
     last = bracket[1] if bracket else re.split(r"[_\s./]", name)[-1]
     return folded.get(last.replace(" ", "").lower(), "") if last != name else ""
+
+
+def tokens(name: str) -> frozenset[str]:
+    """What tells a joint from others in a name: words and numbers that say no quantity or unit.
+
+    >>> sorted(tokens("position_arm_1")), sorted(tokens("FL_hip_joint")), sorted(tokens("i_2_A"))
+    (['1', 'arm'], ['fl', 'hip'], ['2'])
+    >>> sorted(tokens("Z_force_N")), sorted(tokens("Z_act_mm")), sorted(tokens("tau_A"))
+    (['z'], ['z'], ['a'])
+    """
+    numbers = {str(int(number)) for number in re.findall(r"\d+", name)}
+    quantity = quantity_of(name)
+    kind = "torque" if quantity == "current" else quantity
+    unit = unit_of(name, kind) if kind else ""
+    if quantity == "torque" and unit in CURRENTS:  # of a joint A
+        unit = ""
+    return frozenset(({*words(name)} - _PLAIN - {*words(unit)}) | numbers)
 
 
 def is_sensed(name: str) -> bool:

@@ -7,9 +7,11 @@ from fixtures.driven_pendulum import simulated
 from fixtures.lab_tables import MACHINE, write_lab_tables
 from fixtures.refusals import assert_refused
 
+from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.table import Table
 from frictionid.quickstart.column_guesses import guess_columns
 from frictionid.quickstart.describe_tables import Known, describe_tables
+from frictionid.quickstart.robot_columns import robot_columns, robot_file
 from frictionid.quickstart.tables import tables_at
 from frictionid.simulate import Camera, Drive, Run, Sine
 
@@ -187,3 +189,67 @@ def test_noise_and_motion_tell_a_held_torque_from_samples_of_one_that_is_not(rat
     described = describe_tables(tables_at([tmp_path]), data.mechanism.table, Known())
     assert described.draft.guesses.hold == hold
     assert f'torque = "{hold}"' in described.dataset_toml
+
+
+# --- Columns of a robot's joints ------------------------------------------------------------------
+
+LIMITS = {"prismatic": (-0.5, 0.5), "revolute": (-2.0, 2.0)}
+LINK = """<link name="{0}"><inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0"
+ixz="0" iyz="0"/></inertial></link><joint name="j{0}" type="{1}"><parent link="{2}"/>
+<child link="{0}"/><axis xyz="0 0 1"/>{3}</joint>"""
+SCARA = ("revolute", "revolute", "prismatic")
+
+
+def robot(folder, kinds):
+    """File of a chain of joints j1, j2, ... of these kinds."""
+    limit = '<limit lower="{}" upper="{}" effort="9" velocity="9"/>'
+    limits = [limit.format(*LIMITS[kind]) if kind in LIMITS else "" for kind in kinds]
+    parts = zip(kinds, limits, strict=True)
+    links = [LINK.format(k + 1, kind, k, text) for k, (kind, text) in enumerate(parts)]
+    file = folder / "robot.urdf"
+    file.write_text(f'<robot name="r"><link name="0"/>{"".join(links)}</robot>')
+    return file
+
+
+UNITS = {
+    "a slide beyond its limits": (["prismatic"], {"height [mm]": 900 * Q}, "mm"),
+    "a slide by its limits": (["prismatic"], {"pos": 300 * Q}, "mm"),
+    "milliradians": (["revolute"], {"phi_mrad": 900 * Q}, "mrad"),
+    "counts of a wheel": (["continuous"], {"enc_counts": np.rint(1e5 * TIME)}, "counts"),
+    "a wheel that turns": (["continuous"], {"phi_rad": 90 * TIME}, "rad"),
+    "by names": (SCARA, {"J1_act_deg": Q, "J2_act_rad": Q, "J3_act_mm": 99 * Q}, "deg rad mm"),
+    "by limits": (SCARA, {"q1": 60 * Q, "q2": Q, "q3_mm": 900 * Q}, "deg deg mm"),
+    "angles in rad": (SCARA, {"q1": Q, "q2": Q, "q3": 300 * Q}, "rad rad mm"),
+}
+
+
+@pytest.mark.parametrize("kinds, columns, units", UNITS.values(), ids=UNITS)
+def test_each_joint_has_the_unit_that_its_name_or_its_limits_say(kinds, columns, units, tmp_path):
+    found = robot_columns(robot_file(robot(tmp_path, kinds)).robot, Table("a.csv", TIME, columns))
+    assert (" ".join(found.units), found.side) == (units, "joint")
+    assert found.angle == tuple(columns) and "12.6" not in found.evidence
+
+
+def test_degrees_counts_and_millimetres_beside_each_other_are_read(tmp_path, run):
+    robot(tmp_path, SCARA)
+    q = np.stack([Q, W, 0.3 * Q], axis=1)
+    scale = 180 / np.pi, 4096 / (2 * np.pi), 1000
+    angles = dict(zip(("j1_deg", "enc2_counts", "j3_mm"), (q * scale).round().T, strict=True))
+    others = {"tau1_Nm": U, "tau2_Nm": U, "Z3_force_N": U, "vel1": W}
+    (tmp_path / "log").mkdir()
+    pd.DataFrame({"t": TIME, **angles, **others}).to_csv(tmp_path / "log/a.csv", index=False)
+    call = "init log --mechanism robot.urdf --angle j1_deg,enc2_counts,j3_mm"
+    assert run(tmp_path, call)[0] == 0
+    (recording,) = load_dataset(tmp_path / "log").recordings
+    np.testing.assert_allclose(np.ptp(recording.angle.value - q, axis=0), 0, atol=0.02)
+    code, _, err = run(tmp_path, f"{call},vel1 --replace")
+    assert code == 2 and "--angle: 'vel1' has no joint" in err
+
+
+def test_a_torque_that_is_named_has_a_joint_with_an_angle(tmp_path):
+    machine = robot_file(robot(tmp_path, SCARA)).robot
+    table = Table("a.csv", TIME, {"q1": Q, "q2": Q, "u1": U, "u3": U})
+    with assert_refused("--torque: 'u3' has no joint with an angle.*leave the column out"):
+        robot_columns(machine, table, named={"torque": ["u1", "u3"]})
+    with assert_refused("a.csv: no columns look like angles, and the robot has"):
+        robot_columns(machine, table._replace(columns={"u1": U}))
