@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_136,
+    "tokens": 566_296,
     "files": 346,
     "classes": 524,
-    "tokens of tests": 415_550,
+    "tokens of tests": 415_811,
     "words": 27_966,
 }
 NAMES = 69

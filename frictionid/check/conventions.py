@@ -190,7 +190,7 @@ def _shifted(convention: Convention, shift: Array) -> Convention:
 
 def scored(convention: Convention, rows: Rows, torque: Array) -> Scored:
     """A convention with its score; rows (K windows) and torque (K, n) [N m] as it corrects them."""
-    each, matters = _shares(rows, torque)
+    each, matters = unexplained_shares(rows, torque)
     counts = convention.kind.startswith(("as_given", *_FEW)) | matters
     score = float(np.where(counts, each, 0.0).mean())
     return Scored(convention, score, each, matters, rows.moving.sum(0))
@@ -232,11 +232,11 @@ def log_unexplained(rows: Rows, torque: Array) -> float:
     rows : Rows, K windows, with the nominal parameters as first vector
     torque : array, shape (K, n) [N m]
     """
-    each, matters = _shares(rows, torque)
+    each, matters = unexplained_shares(rows, torque)
     return float(np.where(matters, each, 0.0).mean())
 
 
-def _shares(rows: Rows, torque: Array) -> tuple[Array, Array]:
+def unexplained_shares(rows: Rows, torque: Array) -> tuple[Array, Array]:
     """What `log_unexplained` says of each joint (n,), and whether its terms matter (n,)."""
     inertia, gravity = rows.inertia[..., 0], rows.gravity[..., 0]
     out, matters = np.zeros(torque.shape[1]), np.zeros(torque.shape[1], dtype=bool)

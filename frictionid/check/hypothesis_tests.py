@@ -22,9 +22,9 @@ from .conventions import (
     better,
     convention_findings,
     conventions_of_recordings,
-    log_unexplained,
     scored,
     scores,
+    unexplained_shares,
 )
 from .findings import Finding, finding
 from .hypotheses import SIZES
@@ -359,7 +359,8 @@ def _exchanged_findings(measured: Measured, score: float) -> list[Finding]:
 
 
 def _unexplained_findings(rows: Rows, torque: Array, nominal: Array) -> list[Finding]:
-    score = log_unexplained(rows.at(nominal), torque)
+    each, matters = unexplained_shares(rows.at(nominal), torque)
+    score = float(each[matters].mean()) if matters.any() else -np.inf
     if score < UNEXPLAINED:
         return []
     return [finding("unexplained", {"score": score}, {"share": np.exp(score / 2)})]

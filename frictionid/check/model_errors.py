@@ -25,8 +25,7 @@ from .partial_regression import MODEL, PartialRegression, partial_regression
 from .regression import unit_columns
 from .servos import servos_of
 
-# Nominal numbers of real machines are rarely better than this share; friction that grows with the
-# torque shows from this share of it.
+# Nominal numbers are rarely better than this share; friction that grows with torque shows from it.
 LARGE, LOADED = 0.1, 0.08
 # Of what a wrong zero counts as a share [rad]: few are known better than a tenth of it. Its column
 # is a difference over a step [rad], of which rounding leaves less than a share.
@@ -137,6 +136,7 @@ def _estimated(fit: PartialRegression, target: Array, *suspects: _Suspect) -> It
 def _suspects(measured: Measured, rows: Rows, torque: Array) -> Iterator[_Suspect]:
     plant, mechanism, nominal = measured.plant, measured.mechanism, measured.nominal[0]
     motors = np.flatnonzero(mechanism.driven).tolist()
+    units = {p.name: p.unit for p in mechanism.parameters}
     if len(motors) > 1:
         yield _Suspect("gain", ALL, torque, "", 1.0)
     eye = np.eye(torque.shape[1])
@@ -150,8 +150,8 @@ def _suspects(measured: Measured, rows: Rows, torque: Array) -> Iterator[_Suspec
         yield _Suspect("zero", f"the zero of angle {j + 1}", slope, "rad", 1 / ZERO)
     for name, change in _rotors(plant).items():
         share = float(np.max(np.abs(change) / np.maximum(np.abs(nominal), 1e-12)))
-        column = rows.regressor @ change
-        yield _Suspect("rotor", f"rotor inertia missing ({name})", column, "kg m^2", share)
+        words, column = f"rotor inertia missing ({name})", rows.regressor @ change
+        yield _Suspect("rotor", words, column, units[name], share)
     for i, (name, unit) in enumerate(zip(mechanism.base_names, mechanism.base_units, strict=True)):
         if nominal[i]:
             yield _Suspect("base", name, rows.regressor[..., i], unit, 1 / abs(float(nominal[i])))
@@ -205,7 +205,8 @@ def missing_rotors(
     if share < USUAL or 1 - left < EXPLAINS:
         return None
     pairs = zip(rotors, value.tolist(), strict=True)
-    values = ", ".join(f"{name} = {inertia:.2g}" for name, inertia in pairs if inertia > 0)
+    units = {p.name: p.unit for p in plant.mechanism.parameters}
+    values = ", ".join(f"{name} = {x:.2g} {units[name]}" for name, x in pairs if x > 0)
     words = {"values": values, "removed": 1 - left}
     return value @ changes, finding("rotors", {"left": left}, words)
 

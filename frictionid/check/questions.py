@@ -340,11 +340,14 @@ def _faster(measured: Measured, facts: Sequence[JointFacts]) -> Iterator[str]:
 
 
 def _may_fall(measured: Measured) -> bool:
-    """Whether gravity moves the mechanism when its motors are off, and it is no arm that breaks."""
-    if measured.mechanism.n > _SWINGING and all(measured.mechanism.driven):
+    """Whether gravity moves the mechanism when its motors are off, and breaks no arm or hoist."""
+    mechanism = measured.mechanism
+    if mechanism.n > _SWINGING and all(mechanism.driven):
         return False
-    q = np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(measured.mechanism.n)
-    return bool(measured.mechanism.dynamics(measured.nominal[0], q, 0 * q)[1].any())
+    q = np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(mechanism.n)
+    weight = mechanism.dynamics(measured.nominal[0], q, 0 * q)[1]
+    slides = np.array([unit == "m" for unit in mechanism.position_units])
+    return bool(weight.any()) and not weight[:, slides].any()
 
 
 def _decay(passive: float, *, unmoved: bool) -> Iterator[str]:

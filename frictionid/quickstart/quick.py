@@ -165,8 +165,10 @@ def plan_for(dataset: Dataset) -> Plan:
 def _load_changes(dataset: Dataset) -> bool:
     """Whether any joint's load changes with position, speed or recording."""
     machine, fast = dataset.mechanism, dataset.scales.fast
-    if machine.loads_of_gears:
-        return True
+    if machine.loads_of_gears:  # of one joint the weight's, and what its own inertia asks for
+        q = np.concatenate([r.angle.value for r in dataset.recordings])
+        weight = machine.dynamics(machine.nominal_base, q, 0.0 * q)[1]
+        return machine.n > 1 or bool((np.abs(weight) > _ROUNDING).any())
     states = [(r.parameters, r.angle.value, w) for r in dataset.recordings for w in (0.0, fast)]
     load = np.concatenate([machine.load(p, q, 0.0 * q + w, 0.0 * q) for p, q, w in states])
     return bool((np.ptp(load, axis=0) > _ROUNDING * load.max(axis=0)).any())

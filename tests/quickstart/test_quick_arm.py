@@ -10,6 +10,8 @@ from fixtures.changed_data import changed
 from fixtures.shared import shared
 
 import frictionid as fid
+from frictionid.check import check
+from frictionid.data.recordings import Dataset
 from frictionid.quickstart.quick import BY_ANGLES, BY_TORQUES, plan_for, quick
 from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
 from frictionid.report.figures.style import png
@@ -80,3 +82,22 @@ def test_the_method_is_that_of_a_fit(data):
     assert by_angles.recipe == BY_ANGLES.recipe and by_angles.folds < BY_ANGLES.folds
     assert {*BY_ANGLES.steps} - {*by_angles.steps} == {"stribeck_asymmetric", "spring"}
     assert {law.label for law in by_angles.further} == {"ripple", "cogging", "spring"}
+
+
+ROBOT = """<robot name="r"><link name="base"/><link name="part"><inertial><mass value="20"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j" type="{kind}"><parent link="base"/><child link="part"/><axis xyz="0 0 1"/>
+<limit lower="-9" upper="9" effort="900" velocity="9"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("kind", ["continuous", "prismatic"])
+def test_a_wheel_may_have_drag_and_a_hoist_is_not_dropped(tmp_path, kind):
+    """Along a vertical axis: of a wheel no weight loads the gear, a cage would fall to its end."""
+    (tmp_path / "r.urdf").write_text(ROBOT.format(kind=kind))
+    time = np.linspace(0.0, 6.0, 600)
+    log = {"time": time, "angle": np.sin(2 * time), "torque": 10 * np.cos(3 * time)}
+    machine = {"urdf": str(tmp_path / "r.urdf")}
+    data = Dataset.from_arrays({"a": log, "b": log}, machine, hold="linear")
+    steps = plan_for(data).steps
+    assert ("quadratic" in steps, "load_dependent" in steps) == (kind[0] == "c", kind[0] == "p")
+    assert not any("free decay" in advice for advice in check(data).next)
