@@ -42,14 +42,13 @@ EXPLAINS, ERRORS = 0.3, 4.0
 SINGLED_OUT = 0.35
 # Others are named beside it that leave less than this much more than it.
 ALIKE = 1.1
-# Zeros and gains, few at once, are off together where they leave this share of any other cause's.
-ALL, TOGETHER, MOST = "gain of all torques", 0.8, 3
+# Zeros and gains, at most MOST, are off together where they leave this share of other causes'.
+# Free masses and rotors leave no less than the share FAR of what a true gain of all leaves.
+ALL, TOGETHER, MOST, FAR = "gain of all torques", 0.8, 3, 0.1
 # A misfit below this many times what errors of the motion make is theirs.
 NOISE = 1.5
-# Share of the terms that any machine's balance leaves.
-USUAL = 0.03
-# Share of the terms that unknown friction and simple errors leave at most: beyond it, something is
-# wrong in any case (real machines: 0.03 to 0.08).
+USUAL = 0.03  # of the terms: what any machine's balance leaves
+# Unknown friction and simple errors leave at most this share (real machines: 0.03 to 0.08).
 MISFIT = 0.1
 # The same in one recording, whose squares are this many times those of the others; from fewer
 # times, the others are tested without it.
@@ -99,6 +98,7 @@ def model_errors(
     suspects = list(_suspects(measured, rows, torque))
     each = [error for s in suspects for error in _estimated(fit, target, s)]
     each = sorted((e for e in each if np.isfinite(e.error)), key=lambda e: e.left)
+    each = [e for e in each if e.words != ALL or free > FAR * e.left]
     several = _together(fit, target, suspects)
     if several and several[0].left <= min(SINGLED_OUT, TOGETHER * min(each[0].left, free)):
         names = {e.words for e in several}

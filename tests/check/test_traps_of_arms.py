@@ -12,6 +12,9 @@ from fixtures.shared import shared
 from fixtures.verdicts import identifiable, kinds, question
 
 from frictionid.check import check
+from frictionid.check.model_errors import ALL, model_errors
+from frictionid.check.motion import Measured, adapted, motions_of
+from frictionid.check.partial_regression import partial_regression
 from frictionid.data.readers.dataset import load_dataset
 
 
@@ -300,3 +303,18 @@ def test_torques_that_explain_nothing_have_no_gain(arm, table):
     assert not gain.possible and "0.000 +- 0.000" not in gain.reason
     for answer in answers(verdict, "sign of torque").values():
         assert answer.passed is None and answer.words.startswith("cannot tell")
+
+
+def test_a_gain_of_all_torques_is_no_cause_where_free_masses_leave_far_less(arm, table):
+    """As of an arm whose rotors and payload are missing together."""
+    half = table.copy()
+    half[wrist.COLUMNS[1]] *= 0.5
+    data = wrist.dataset(arm, half)
+    assert "gain of all torques is 2.0" in check(data).findings[0].text
+    measured = Measured.of_dataset(data, motions_of(data.recordings))
+    rows = adapted(measured.balances, measured.motions)
+    torque = rows.means(measured.torque)
+    fit = partial_regression(rows, torque, measured.nominal)
+    for free in (1.0, 0.0):
+        words = {e.words for e in model_errors(measured, rows, torque, fit, free)}
+        assert (ALL in words) == (free == 1.0)
