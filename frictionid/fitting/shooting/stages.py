@@ -183,7 +183,7 @@ def _begun_roughly(stage: Stage, rough: Settings) -> Stage:
         stage = _with_peaks(solved(start))
         if not usual:
             return stage
-        if is_astray(stage.solution):
+        if is_astray(stage.solution) and not explained(stage.solution):
             return _begun_otherwise(start, stage)
         if stage.solution.closed.mean() >= _MANY:
             return stage
