@@ -281,16 +281,16 @@ def _side(
     said = np.array([*map(_unit_said, columns, angles, joints)])
     slides = np.array([j.kind == "prismatic" for j in joints])
     room = np.array([j.limits.upper - j.limits.lower for j in joints])
-    told = said != ""
-    usual = np.where(np.isfinite(room), room, np.where(told, np.inf, _DEGREES))
-    most = _BEYOND * np.where(told & slides, np.inf, usual)
+    stated = said != ""
+    usual = np.where(np.isfinite(room), room, np.where(stated, np.inf, _DEGREES))
+    most = _BEYOND * np.where(stated & slides, np.inf, usual)
     named = any("motor" in words(name) for name in columns)
     shaft = named or "counts" in said[slides]
     far = (travel > most) & (travel <= 1e3 * most) & (gear is None and not shaft)
     lengths = np.where(far, "mm", "m")
 
     def units_with(unit: str) -> tuple[str, ...]:
-        return tuple(np.where(told, said, np.where(slides, lengths, unit)).tolist())
+        return tuple(np.where(stated, said, np.where(slides, lengths, unit)).tolist())
 
     def fit(units: Sequence[str], ratio: Any = 1.0) -> bool:
         size = np.array([UNITS["angle"].get(unit, 0.0) for unit in units])
@@ -304,7 +304,7 @@ def _side(
         units = first if fit(first, ratio) else last
         taken = ", ".join(dict.fromkeys(units))
         return "motor", units, f"{'named like motors' if named else span}; taken as {taken}"
-    free = ~(told | slides)
+    free = ~(stated | slides)
     if first not in fits and counts_of(np.stack(angles)[free]):
         return "joint", units_with("counts"), f"{span}: counts, a guess, see [motor]"
     if fits:
