@@ -19,7 +19,7 @@ from verdict_rate import TRUTHS
 import frictionid as fid
 from frictionid.comparison.suite import identifier_named
 from frictionid.data.recordings import Dataset
-from frictionid.quickstart.quick import plan_for
+from frictionid.quickstart.plan import plan_for
 
 RECORDINGS = 12
 KINDS = [replace(TRUTHS[name], recordings=RECORDINGS) for name in ("no peak", "wide peak")]

@@ -12,12 +12,12 @@ from frictionid.errors import InputError
 from frictionid.pictures import drawn
 from frictionid.progress import Done, counted, say_nothing
 from frictionid.quickstart import quick as first
-from frictionid.quickstart.quick import plan_for
+from frictionid.quickstart.plan import plan_for
 from frictionid.quickstart.quick_report import Quick
 from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
 from frictionid.report.terminal import Shown
 
-from .models import DatasetLike, dataset_of
+from .models import DatasetLike, count, dataset_of
 
 _NONE = (float("nan"),) * 2
 
@@ -129,17 +129,24 @@ def check(data: DatasetLike) -> Verdict:
     return Verdict(checks.check(dataset_of(data)))
 
 
-def quick(data: DatasetLike, done: Done = say_nothing) -> Quick:
+def quick(data: DatasetLike, done: Done = say_nothing, *, jobs: int = 1) -> Quick:
     """Check a data set, compare a few friction laws on held-out motion, and say which one holds.
 
     They are fitted as `frictionid.fit` fits them: by shooting, or to the torques of an arm.
-    `done` is called with the name of each step that is finished.
+
+    Parameters
+    ----------
+    data : data set, or its folder or file
+    done : function, optional
+        Called with the name of each step that is finished.
+    jobs : int
+        Number of laws that are fitted side by side; 0: one for each core.
 
     Raises
     ------
     InputError
         Where the recordings are too short to hold any motion out.
     """
-    dataset = dataset_of(data)
+    dataset, jobs = dataset_of(data), count("jobs", jobs)
     with counted(len(plan_for(dataset).steps), "first verdict", done) as step:
-        return first.quick(dataset, step)
+        return first.quick(dataset, step, jobs=jobs)

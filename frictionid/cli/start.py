@@ -272,6 +272,7 @@ def quick(
     *,
     figure: Path | None = None,
     data: PresentOrNone = None,
+    jobs: int = 0,
     json: bool = False,
     replace: bool = False,
     trust: bool = False,
@@ -283,6 +284,7 @@ def quick(
     Parameters
     ----------
     figure : Picture to write (PNG) [quick-<name>.png, or the next number].
+    jobs : Number of laws that are fitted side by side; 0: one per core.
     """
     import os
     from functools import partial
@@ -302,7 +304,7 @@ def quick(
     check_files([figure], (), dataset, data, replace=replace)
     with running(first.plan_for(loaded).steps, f"first verdict ({loaded.name})") as done:
         # laws take minutes: a run that is stopped leaves what the check says
-        verdict = first.quick(loaded, done, say_nothing if json else show_check)
+        verdict = first.quick(loaded, done, say_nothing if json else show_check, jobs)
     print(quick_json(verdict)) if json else show_laws(verdict)
     if verdict.chosen is None:
         raise typer.Exit(2)

@@ -10,23 +10,25 @@ noise. With fewer than three of them the law of the smallest error counts.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NamedTuple
+from functools import partial
 
 import numpy as np
 import pandas as pd
+from joblib import cpu_count
 
 from frictionid.arrays import Array, evenly
 from frictionid.check import Verdict, check
-from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
-from frictionid.comparison.suite import IdentifierEntry, identifier_named
-from frictionid.comparison.suite_recipes import (
-    CALIBRATED,
-    RecipeEntry,
-    recipe_of,
-    time_between_samples,
-    usual_method,
+from frictionid.comparison.cross_validate import (
+    Benchmark,
+    PreparedBenchmark,
+    Result,
+    prepare_benchmark,
+    run,
 )
-from frictionid.comparison.training_set import training_set
+from frictionid.comparison.processes import side_by_side
+from frictionid.comparison.suite import IdentifierEntry, identifier_named
+from frictionid.comparison.suite_recipes import CALIBRATED, recipe_of, time_between_samples
+from frictionid.comparison.training_set import Method, TrainingSet, training_set
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset, Recording
@@ -54,129 +56,13 @@ from frictionid.evaluation.statistics import (
 )
 from frictionid.evaluation.torque_left import torque_frame
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.identifiers import Frictionless
-from frictionid.fitting.shooting.settings import is_driven
 from frictionid.friction.model_files import model_document
 from frictionid.progress import Done, say_nothing
 from frictionid.report.candidates import Measure
 
+from .plan import Plan, plan_for
 from .quick_report import Candidate, Quick
 
-
-class Plan(NamedTuple):
-    """What is compared.
-
-    recipe : how laws are fitted; laws : from simple to rich
-    further : laws of position or memory, which join them where a fit in one step shows them
-    horizons : [s] of predictions, the first one counts that the folds hold out
-    folds : at most; samples : of all joints, at most
-    """
-
-    recipe: RecipeEntry
-    laws: tuple[IdentifierEntry, ...]
-    further: tuple[IdentifierEntry, ...]
-    horizons: tuple[float, ...]
-    folds: int
-    samples: int
-
-    @property
-    def by_torque(self) -> bool:
-        """Whether the torque left is compared, not predictions."""
-        return self.recipe.by == "inverse_dynamics"
-
-    @property
-    def steps(self) -> tuple[str, ...]:
-        """Names of the steps of a first verdict."""
-        last = ("further laws",) if self.further else ()
-        return ("check", *(law.label for law in self.laws), *last)
-
-
-_BY_DIRECTION = {"kind": "stribeck", "name": "stribeck_asymmetric", "symmetric": False}
-_AUTO = {"harmonics": "auto"}
-_COGGING = {
-    "kind": "sum",
-    "name": "cogging",
-    "laws": ["coulomb_viscous", {"kind": "cogging", **_AUTO}],
-}
-# a candidate like others: in one step gravity, offset and noise hide most of a weak one
-_SPRING = {"kind": "sum", "name": "spring", "laws": ["stribeck", "spring"]}
-_PEAKED = {"kind": "load_dependent", "name": "load_dependent_stribeck", "stribeck": True}
-
-
-def _laws(*laws: str | dict[str, Any]) -> tuple[IdentifierEntry, ...]:
-    tables = (law if isinstance(law, dict) else {"kind": law} for law in laws)
-    return tuple(map(IdentifierEntry.model_validate, tables))
-
-
-_OF_POSITION = _laws({"kind": "ripple", **_AUTO}, _COGGING)
-BY_ANGLES = Plan(
-    RecipeEntry(name="shooting", by="shooting"),
-    _laws(
-        "none",
-        "coulomb_viscous",
-        "load_dependent",
-        "motor_load",
-        "stribeck",
-        _BY_DIRECTION,
-        _SPRING,
-        "spline",
-    ),
-    (*_OF_POSITION, *_laws("lugre")),
-    horizons=(0.5, 0.25, 0.1),
-    folds=10,
-    samples=6_000,
-)
-_COARSE = {
-    "name": "inverse_dynamics",
-    "by": "inverse_dynamics",
-    "node_time": 0.01,
-    "tolerance": 0.05,
-}
-# `motor_load` explains any torque beside free inertias; without its controller an arm drifts off
-BY_TORQUES = Plan(
-    RecipeEntry.model_validate(_COARSE),
-    _laws("none", "coulomb_viscous", "load_dependent", _PEAKED),
-    further=(),
-    horizons=(0.05,),
-    folds=5,
-    samples=120_000,
-)
-
-
-def plan_for(dataset: Dataset) -> Plan:
-    """The plan of a data set: `motor_load` is a candidate where a motor drives.
-
-    Drag, `quadratic`, stands in its place where none does, and in that of `load_dependent` where no
-    load changes, as of a carriage: there that is Coulomb friction.
-    Of many joints angles are compared in fewer folds, without friction by direction or of memory.
-    """
-    if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
-        return BY_TORQUES
-    many = dataset.mechanism.n > _FAST
-    slow = (_BY_DIRECTION["name"], _SPRING["name"]) if many else ()
-    laws = tuple(law for law in BY_ANGLES.laws if law.label not in slow)
-    idle = {"motor_load": not is_driven(dataset), "load_dependent": not _load_changes(dataset)}
-    laws = tuple(dict.fromkeys(_DRAG if idle.get(law.label) else law for law in laws))
-    plan = BY_ANGLES._replace(laws=laws)
-    further = (*_OF_POSITION, *_laws(_SPRING))
-    return plan._replace(further=further, folds=BY_TORQUES.folds) if many else plan
-
-
-def _load_changes(dataset: Dataset) -> bool:
-    """Whether any joint's load changes with position, speed or recording."""
-    machine, fast = dataset.mechanism, dataset.scales.fast
-    if machine.loads_of_gears:  # of one joint the weight's, and what its own inertia asks for
-        q = np.concatenate([r.angle.value for r in dataset.recordings])
-        weight = machine.dynamics(machine.nominal_base, q, 0.0 * q)[1]
-        return machine.n > 1 or bool((np.abs(weight) > _ROUNDING).any())
-    states = [(r.parameters, r.angle.value, w) for r in dataset.recordings for w in (0.0, fast)]
-    load = np.concatenate([machine.load(p, q, 0.0 * q + w, 0.0 * q) for p, q, w in states])
-    return bool((np.ptp(load, axis=0) > _ROUNDING * load.max(axis=0)).any())
-
-
-(_DRAG,) = _laws("quadratic")
-_ROUNDING = 1e-9
-_FAST = 2  # joints, above which a fit by angles takes many seconds
 _FEWEST = 3  # recordings, below which stretches of time are held out
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SHORTEST, _LONG = 3.0, 5.0  # [s] of a recording: of longer ones several in part tell more
@@ -186,11 +72,13 @@ def quick(
     dataset: Dataset,
     done: Done = say_nothing,
     checked: Callable[[Verdict], object] = say_nothing,
+    jobs: int = 1,
 ) -> Quick:
     """A first verdict on a data set: are the data good, and which friction do they show.
 
     `done` is called with the name of each step that is finished, see `Plan`, and `checked` with
-    what the check says, before any law is fitted.
+    what the check says, before any law is fitted. `jobs` laws are
+    fitted side by side, 0: one for each core.
 
     Raises
     ------
@@ -210,7 +98,7 @@ def quick(
         return Quick(verdict)
     plan = plan_for(dataset)
     part, sample_time = shortened(dataset, plan.samples)
-    horizon, results, not_fitted = _compared(part, plan, sample_time, done)
+    horizon, results, not_fitted = _compared(part, plan, sample_time, done, jobs)
     each = np.array([joint.angle_noise for joint in verdict.joints])
     noise = norm_of(each, dataset.mechanism.position_units, dataset.scales.size)[0]
     least = 0.0 if plan.by_torque else _ABOVE * float(noise)
@@ -266,6 +154,7 @@ def _compared(
     plan: Plan,
     sample_time: float | None,
     done: Done,
+    jobs: int,
 ) -> tuple[float, dict[str, Result], tuple[str, ...]]:
     """The longest horizon that the folds hold out, NaN of torques, and the results of all laws.
 
@@ -281,49 +170,63 @@ def _compared(
         except InputError:  # no fold holds out so much motion
             if horizon == plan.horizons[-1]:
                 raise
-    results, errors = {}, {}
+    outcomes: dict[str, Result | NoFitError] = {}
 
-    def fit(law: IdentifierEntry) -> None:
-        try:
-            results[law.label] = run(benchmark, _identifier(law), recipe, 0, shared)
-        except NoFitError as error:
-            errors[law.label] = error
+    def fit(laws: Sequence[IdentifierEntry], done: Done) -> None:
+        outcomes.update(dict.fromkeys((law.label for law in laws), NoFitError("")))
+        work = partial(_outcome, benchmark, recipe, shared)
+        for i, outcome in side_by_side(work, [(law,) for law in laws], jobs or cpu_count()):
+            outcomes[laws[i].label] = outcome
+            done(laws[i].label)
 
-    for law in plan.laws:
-        fit(law)
-        done(law.label)
+    fit(plan.laws, done)
     if plan.further:
         with suppress(NoFitError):  # of the calibration
-            for law in _shown(plan, shared.prepared, horizon):
-                fit(law)
+            fit(_shown(plan, shared.prepared, horizon, jobs), say_nothing)
         done(plan.steps[-1])
+    results = {name: x for name, x in outcomes.items() if isinstance(x, Result)}
+    errors = {name: x for name, x in outcomes.items() if isinstance(x, NoFitError)}
     if plan.laws[0].label in errors or len(results) < 2:  # no friction, or no law with it
         raise next(iter(errors.values()))
     reasons = tuple(f"{name}: {error}" for name, error in errors.items())
     return float("nan") if plan.by_torque else horizon, results, reasons
 
 
+def _outcome(
+    benchmark: Benchmark, recipe: Method, shared: PreparedBenchmark, law: IdentifierEntry
+) -> Result | NoFitError:
+    """The result of a law, or why it cannot be fitted."""
+    try:
+        return run(benchmark, _identifier(law), recipe, 0, shared)
+    except NoFitError as error:
+        return error
+
+
 def _identifier(law: IdentifierEntry) -> Identifier:
     return identifier_named(law.kind, law.table)
 
 
-def _shown(plan: Plan, prepared: Prepared, horizon: float) -> Sequence[IdentifierEntry]:
+def _shown(plan: Plan, prepared: Prepared, horizon: float, jobs: int) -> Sequence[IdentifierEntry]:
     """The further laws of a plan that predict practically better in one step than all others.
 
     All are fitted to the same data, corrected by one calibration, and judged on these: what seems
     to be shown is compared with the others later, on motion that is held out.
     """
-    training = training_set(prepared, [CALIBRATED])
+    work = partial(_error, training_set(prepared, [CALIBRATED]), horizon)
+    laws = *plan.laws, *plan.further
+    errors = dict(side_by_side(work, [(law,) for law in laws], jobs or cpu_count()))
+    count = len(plan.laws)
+    least = np.nanmin([errors[i] for i in range(count)]) / (1.0 + REGION)
+    return [law for i, law in enumerate(plan.further, count) if errors[i] < least]
 
-    def error(law: IdentifierEntry) -> float:
-        with suppress(NoFitError):
-            friction = CALIBRATED.fit(_identifier(law), training, 0).friction
-            scores = score_model(friction, prepared_for(prepared, friction)).scores
-            return score_value(scores, "rollout_angle", "median", horizon)
-        return float("inf")
 
-    least = np.nanmin([error(law) for law in plan.laws]) / (1.0 + REGION)
-    return [law for law in plan.further if error(law) < least]
+def _error(training: TrainingSet, horizon: float, law: IdentifierEntry) -> float:
+    """Error of a law's predictions of the data that it is fitted to, inf where it is not."""
+    with suppress(NoFitError):
+        friction = CALIBRATED.fit(_identifier(law), training, 0).friction
+        scores = score_model(friction, prepared_for(training.prepared, friction)).scores
+        return score_value(scores, "rollout_angle", "median", horizon)
+    return float("inf")
 
 
 def _folds(dataset: Dataset, most: int) -> Folds:

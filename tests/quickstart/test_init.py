@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.quickstart.quick import BY_ANGLES
+from frictionid.quickstart.plan import BY_ANGLES
 
 ARM = f"init arm {INIT} {MOTOR}"
 TIME = np.arange(200) / 100.0

@@ -17,7 +17,7 @@ from frictionid.comparison.suite_recipes import usual_method
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.table import Table
 from frictionid.mechanics import mjcf, urdf
-from frictionid.quickstart.quick import plan_for
+from frictionid.quickstart.plan import plan_for
 from frictionid.quickstart.robot_columns import robot_columns, robot_file, tokens
 
 LIMITS = '<limit lower="-2" upper="2" velocity="3" effort="60"/></joint>'

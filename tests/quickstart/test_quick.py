@@ -31,7 +31,8 @@ from frictionid.errors import InputError, NoFitError
 from frictionid.fitting.fit import UNEXPLAINED
 from frictionid.friction.laws import Spline
 from frictionid.mechanics import linear_axis
-from frictionid.quickstart.quick import BY_ANGLES, plan_for, quick, shortened
+from frictionid.quickstart.plan import BY_ANGLES, plan_for
+from frictionid.quickstart.quick import quick, shortened
 from frictionid.quickstart.quick_report import against_nominal, quick_figure, quick_json, verdict
 from frictionid.report.figures.style import png
 from frictionid.simulate import Curve
@@ -194,7 +195,7 @@ def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(result):
 
 
 def test_the_command_says_what_the_page_shows(result, place, monkeypatch, run):
-    def quick(_loaded, _done, checked):
+    def quick(_loaded, _done, checked, _jobs):
         checked(result.check)
         return result
 
@@ -306,6 +307,14 @@ def test_a_law_that_cannot_be_fitted_is_no_candidate(monkeypatch):
     monkeypatch.setattr("frictionid.quickstart.quick.plan_for", lambda _: fewer)
     with assert_refused("spline: too steep"):
         quick(few)
+
+
+def test_laws_that_are_fitted_side_by_side_have_the_same_numbers(monkeypatch):
+    plan = BY_ANGLES._replace(laws=BY_ANGLES.laws[:2], further=BY_ANGLES.further[:1])
+    monkeypatch.setattr("frictionid.quickstart.quick.plan_for", lambda _: plan)
+    few, steps = tiny(recordings=recordings_of_tiny()[:3]), []
+    assert quick_json(quick(few, steps.append, jobs=2)) == quick_json(quick(few))
+    assert sorted(steps) == sorted(plan.steps)
 
 
 def test_what_one_step_shows_of_position_joins_the_laws(monkeypatch):

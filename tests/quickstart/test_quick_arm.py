@@ -12,7 +12,8 @@ from fixtures.shared import shared
 import frictionid as fid
 from frictionid.check import check
 from frictionid.data.recordings import Dataset
-from frictionid.quickstart.quick import BY_ANGLES, BY_TORQUES, plan_for, quick
+from frictionid.quickstart.plan import BY_ANGLES, BY_TORQUES, plan_for
+from frictionid.quickstart.quick import quick
 from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
 from frictionid.report.figures.style import png
 
