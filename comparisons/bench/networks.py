@@ -6,7 +6,7 @@ trains one fold; ten of them take ten times as long. Each round is half of its t
 
 from __future__ import annotations
 
-from case import Case, Part, Side
+from case import Case, NotInstalledError, Part, Side
 from fits import FOLDS, OURS, Folds
 from samples import acrobot
 
@@ -67,3 +67,27 @@ def networks() -> Part:
         ),
         ROUNDS,
     )
+
+
+def on_gpu() -> Part:
+    """A static network by Adam on a CUDA device and on the processor, with equal numbers."""
+    import torch
+
+    if not torch.cuda.is_available():
+        raise NotInstalledError("a CUDA device")
+    dataset = acrobot()
+    problem = problem_of(dataset, plant_of(dataset), STUDY)
+    made = make_folds(dataset.recordings, Split(count=FOLDS))
+    folds = Folds(problem, made.training(problem.recording, problem.time))
+
+    def side(device: str) -> Side:
+        network = Network(MLP(), 20, device=device)
+
+        def run() -> float:
+            friction = network.fit(problem, folds.weights, 0)[0]
+            return folds.held_out(problem.residual(along(friction, problem.nodes)))
+
+        return Side(f"frictionid, {device}", run)
+
+    case = Case("MLP stochastic, ten folds, GPU", side("cuda"), side("cpu"), ERROR, clock="wall")
+    return Part((case,), ROUNDS)

@@ -17,8 +17,10 @@ from case import Case, NotInstalledError, Part, Side
 from samples import RATE, acrobot
 
 from frictionid.data.plants import plant_of
+from frictionid.dynamics.compiled.loops import programs_of, row_of
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
+from frictionid.dynamics.step_size import StepSize
 from frictionid.evaluation import Protocol, prepare
 from frictionid.friction import Friction
 from frictionid.friction.laws import MLP, CoulombViscous
@@ -26,6 +28,8 @@ from frictionid.friction.laws import MLP, CoulombViscous
 THETA = np.array([[0.165, 0.004], [0.055, 0.0008]])
 STEPS = 4  # of a sample
 COPIES = 10  # of each start, where there are many
+ARITHMETIC = "add subtract multiply divide sqrt exp log tanh sin cos".split()
+SIZE = 1500  # rows and columns of a matrix product, which comes near a processor's peak
 ERROR = "median after 1 s, without camera noise [rad]"
 
 
@@ -122,6 +126,34 @@ def with_stiction() -> Part:
         peer = Side("MuJoCo's rollout, RK4", lambda: off(rk4()), share=1 / copies)
         cases.append(Case(f"rollout with stiction, {len(some.q)} starts", own, peer, ERROR, 15.0))
     return Part(tuple(cases), 3)
+
+
+def peak_share() -> Part:
+    """The ratio is the share of the processor's floating-point peak that the physics step reaches.
+
+    Four substeps a sample, those near rest no shorter; an operation of `ARITHMETIC` counts as one.
+    """
+    many, friction, matrix = motions().times(COPIES), _parametric(), np.ones((SIZE, SIZE))
+    row = row_of(many.plant, friction)
+    programs = programs_of(row)
+    counts = {
+        name: sum(line.operation in ARITHMETIC for line in program.lines)
+        for name, program in programs.items()
+    }
+    parts = [part for name in ("first", "smooth") for part in row.sequences[name]]
+    operations = sum(counts[part] for part in parts) * STEPS * many.u[..., 0].size
+    dt, start = np.full(many.u.shape[:2], 1 / RATE), State(many.q, many.w)
+
+    def ours() -> float:
+        step = StepSize(STEPS, 1)
+        return _without_error(rollout(many.plant, friction, start, many.u, dt, step_size=step).q)
+
+    own = Side("frictionid", ours)
+    share = 2 * SIZE**3 / operations
+    peer = Side(
+        "matrix product, as many operations", lambda: float((matrix @ matrix)[0, 0]), share=share
+    )
+    return Part((Case(f"physics step, {operations:.3g} operations", own, peer, bar=0.2),), 6)
 
 
 def _parametric() -> Friction:
