@@ -232,9 +232,9 @@ def least_significant(
     for name in (b.name for b in blocks if b.name in IDEAL):
         places = [k for k, p in enumerate(covariance.parameters) if p.block == name]
         if places and not any(np.isfinite(covariance.parameters[k].tolerance) for k in places):
-            idle.append(Dropped(name, _p_value(covariance, places, IDEAL[name])))
-    worst = max(idle, key=lambda dropped: dropped.p_value, default=None)
-    return worst if worst is not None and worst.p_value > level else None
+            idle.append((_p_value(covariance, places, IDEAL[name]), name))
+    p_value, name = max(idle, default=(0.0, ""))
+    return Dropped(name, p_value) if p_value > level else None
 
 
 def _p_value(covariance: Covariance, places: list[int], ideal: float) -> float:

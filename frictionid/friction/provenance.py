@@ -125,10 +125,13 @@ class OddRecording(NamedTuple):
 
 
 class Dropped(NamedTuple):
-    """A block that was left out of the fit, and the p-value of the test that found nothing."""
+    """A block that was left out of the fit, and the p-value of the test that found nothing.
+
+    None where predictions went astray.
+    """
 
     block: str
-    p_value: float
+    p_value: float | None
 
 
 class Bands(NamedTuple):

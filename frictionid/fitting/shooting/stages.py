@@ -208,8 +208,8 @@ def _begun_otherwise(start: Stage, astray: Stage) -> Stage:
     """
     base = [b.name for b in start.blocks if b.enters == "base" and b.offered]
     blocks = tuple(b for b in start.blocks if b.name not in base)
-    none_shows = tuple(Dropped(name, 1.0) for name in base)
-    held = start._replace(blocks=blocks, dropped=(*start.dropped, *none_shows))
+    dropped = tuple(Dropped(name, None) for name in base)
+    held = start._replace(blocks=blocks, dropped=(*start.dropped, *dropped))
     for stage in (*_in_shorter_windows(start), *_in_shorter_windows(held)):
         try:
             astray = _with_peaks(solved(stage))

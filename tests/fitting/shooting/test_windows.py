@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.dynamics import step_size
 from frictionid.errors import NoFitError
-from frictionid.fitting.parameters import DelayBlock, FrictionBlock
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, gauss_newton, refine, stages
 from frictionid.fitting.shooting.gauss_newton import _initial_noise
 from frictionid.fitting.shooting.problem import Linearisation
@@ -23,6 +23,7 @@ from frictionid.fitting.shooting.windows import WindowPrediction, eliminate_stat
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.progress import listening
+from frictionid.report.shooting_results import shooting_words
 from frictionid.simulate import Camera, Rig, Run, simulate
 
 W, N, JOINTS, SHARED = 5, 7, 2, 3
@@ -328,6 +329,26 @@ def test_where_a_further_fit_fails_the_one_that_there_was_comes_out(monkeypatch)
     off = found.friction.theta[0] - free.friction.theta[0]
     assert (np.abs(off) < free.covariance.error).all()
     assert "A further fit failed, this one stays: astray" in found.diagnostics.warnings
+
+
+@pytest.mark.parametrize("explained", [True, False])
+def test_base_parameters_are_held_where_nothing_is_explained_and_all_goes_astray_with_them(
+    explained, monkeypatch
+):
+    """Along a tie, as of a weight and a bias, base parameters go far and explain the motion."""
+
+    def astray(solution):
+        return any(p.block == "inertia" for p in solution.problem.parameters)
+
+    monkeypatch.setattr(stages, "is_astray", astray)
+    monkeypatch.setattr(stages, "explained", lambda _: explained)
+    blocks = FrictionBlock(), InertiaBlock(offered=True)
+    result = refine(START, dataset(), blocks, Settings(iterations=2))
+    said = "Left out of the fit: base parameters, as predictions went astray."
+    assert (
+        said in shooting_words(result.estimates(dataset(), np.ones((1, 1))))[1]
+    ) is not explained
+    assert ("inertia" in {p.block for p in result.covariance.parameters}) is explained
 
 
 def test_where_no_window_is_predicted_longer_ones_are_taken_unless_their_length_was_given(
