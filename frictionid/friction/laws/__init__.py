@@ -9,10 +9,8 @@ from .levels import NoFriction
 from .library import Library
 from .load import GearLoad, LoadDependent, MotorLoad
 from .mlp import LSTM, MLP, Ensemble, WindowMLP
-from .play import Play
+from .modulated import Play, Ripple, Thermal
 from .relaxing import Dahl, FilmLag, LuGre
-from .ripple import Ripple
 from .spring import Spring
 from .state_laws import StateLibrary, StateLSTM, StateMLP
 from .stribeck import CoulombViscous, Quadratic, Stribeck
-from .thermal import Thermal
