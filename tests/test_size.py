@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_249,
-    "files": 344,
+    "tokens": 566_219,
+    "files": 343,
     "classes": 524,
-    "tokens of tests": 415_988,
+    "tokens of tests": 415_880,
     "words": 27_963,
 }
 NAMES = 69

@@ -18,8 +18,8 @@ from scipy.special import stdtrit
 from frictionid.arrays import Array
 from frictionid.friction import Groups, Law
 from frictionid.friction.laws import NoFriction, Ripple, Sum
-from frictionid.friction.laws.cogging import AUTO, Periodic
 from frictionid.friction.laws.combined import CombinedLaw
+from frictionid.friction.laws.position_torques import AUTO, Periodic
 
 from ..one_step.balances import SHAPES
 from ..one_step.linearised import clusters, grams

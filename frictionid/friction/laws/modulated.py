@@ -38,8 +38,8 @@ from frictionid.config import Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from .cogging import Harmonics, Periodic
 from .combined import CombinedLaw
+from .position_torques import Harmonics, Periodic
 
 _MOST = 0.5
 
