@@ -23,7 +23,7 @@ from script import call
 
 import frictionid
 from frictionid import load_dataset
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, states_of

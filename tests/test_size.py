@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_219,
-    "files": 343,
+    "tokens": 566_142,
+    "files": 342,
     "classes": 524,
-    "tokens of tests": 415_880,
+    "tokens of tests": 415_856,
     "words": 27_963,
 }
 NAMES = 69

@@ -11,7 +11,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.config import nearest
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, speeds, torque_frame, velocity_grid

@@ -10,8 +10,7 @@ from frictionid.arrays import Array, evenly
 from frictionid.check import source_sentences, torque_sources
 from frictionid.check.motion import motions_of
 from frictionid.check.torque_speed import limit_findings, torque_speeds
-from frictionid.data.calibration import with_calibrated_servos
-from frictionid.data.plants import plant_of, refuse_torques
+from frictionid.data.plants import plant_of, refuse_torques, with_calibrated_servos
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, holds
 from frictionid.data.state_estimators import States, thin

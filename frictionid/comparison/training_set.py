@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration, stack_calibrations
+from frictionid.data.plants import Calibration, stack_calibrations
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     CalibratedView,

@@ -19,8 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import MAD, Array, joined, picked, times, usual_step
-from frictionid.data.calibration import Calibration
-from frictionid.data.plants import plant_of
+from frictionid.data.plants import Calibration, plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import holds, run_edges
 from frictionid.evaluation import (

@@ -15,7 +15,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.data.calibration import Calibration, stack_calibrations, with_calibrated_servos
+from frictionid.data.plants import Calibration, stack_calibrations, with_calibrated_servos
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.state_estimators import slowest_speeds
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction import PEAK_SHOWN, DataRange, Friction, constraints_of

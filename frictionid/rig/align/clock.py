@@ -11,9 +11,8 @@ from frictionid.arrays import Array
 from frictionid.check.hypothesis_tests import delay_of
 from frictionid.check.motion import motions_of, unit_rows
 from frictionid.check.partial_regression import PARAMETER_PRIOR
-from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import integrals_of
-from frictionid.data.plants import plant_of
+from frictionid.data.plants import Calibration, plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError

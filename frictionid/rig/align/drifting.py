@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array, usual_step
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.signals import Signal
 from frictionid.fitting.parameter_block import Estimate, Parameter, ParameterBlock, free_blocks
 from frictionid.fitting.parameters import DelayBlock

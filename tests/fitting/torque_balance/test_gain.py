@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.suite_recipes import blocks_of
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.fitting.identifiers import LeastSquares
