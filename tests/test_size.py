@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_142,
-    "files": 342,
+    "tokens": 566_084,
+    "files": 341,
     "classes": 524,
-    "tokens of tests": 415_856,
+    "tokens of tests": 415_840,
     "words": 27_963,
 }
 NAMES = 69

@@ -26,7 +26,7 @@ from frictionid.data.plants import (
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import Estimator, KalmanFilter, States, without_outliers
 from frictionid.errors import InputError
-from frictionid.fitting.one_step.formulation import (
+from frictionid.fitting.one_step.recipe import (
     INTEGRAL,
     STUDY,
     Recipe,

@@ -29,7 +29,7 @@ from ..neutral import (
     sentences_of,
     with_held,
 )
-from ..one_step.one_step_fit import checked_fit
+from ..one_step.recipe import checked_fit
 from ..one_step.residual import data_range
 from ..parameter_block import (
     Estimate,

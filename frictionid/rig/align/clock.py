@@ -19,7 +19,7 @@ from frictionid.errors import InputError
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.balances import Rows
-from frictionid.fitting.one_step.formulation import INTEGRAL, states_of, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, states_of, training_problem
 from frictionid.fitting.parameter_block import Estimate, ParameterBlock
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import (
