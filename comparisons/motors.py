@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import frictionid as fid
 from frictionid.data.plants import plant_of
-from frictionid.fitting.identifiers.harmonics import harmonics
+from frictionid.fitting.identifiers.start_of_fit import harmonics
 from frictionid.fitting.one_step.recipe import INTEGRAL, training_problem
 from frictionid.friction.laws import Cogging, Sum
 
