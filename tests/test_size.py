@@ -11,8 +11,8 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_020,
-    "files": 339,
+    "tokens": 566_002,
+    "files": 338,
     "classes": 524,
     "tokens of tests": 415_840,
     "words": 27_963,

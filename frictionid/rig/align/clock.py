@@ -33,7 +33,7 @@ from frictionid.friction.laws import Stribeck
 from frictionid.mechanics import Mechanism
 
 from .cross_correlation import CoarseOffset, around, coarse_offset
-from .drifting import clock_step, drifting
+from .drifting_clocks import clock_step, drifting
 
 LAW = Stribeck(symmetric=False)
 # Longer windows carry more information. Where a joint sticks and slips their prediction has kinks:
