@@ -23,10 +23,10 @@ from script import call
 
 import frictionid
 from frictionid import load_dataset
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
+from frictionid.fitting.one_step.recipe import INTEGRAL, states_of
 from frictionid.fitting.parameter_block import Estimate, ParameterBlock
 from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.torque_balance import (

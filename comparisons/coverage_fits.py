@@ -12,8 +12,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
+from frictionid.fitting.one_step.recipe import INTEGRAL, covariance_of_fit, training_problem
 from frictionid.fitting.parameter_block import ParameterBlock
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, refine

@@ -28,7 +28,7 @@ import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset, within
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS
-from frictionid.fitting.one_step.formulation import states_of
+from frictionid.fitting.one_step.recipe import states_of
 from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock, TargetDelayBlock
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.friction import Friction, Inputs, present

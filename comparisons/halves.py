@@ -22,7 +22,7 @@ from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.comparison.tasks import Task
 from frictionid.data.plants import plant_of
 from frictionid.fitting.fit import Fit
-from frictionid.fitting.one_step.formulation import training_problem
+from frictionid.fitting.one_step.recipe import training_problem
 from frictionid.fitting.shooting import Shooting, refine
 
 ERRORS = 2.0  # standard errors within which two halves agree

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 import frictionid as fid
 from frictionid.data.plants import plant_of
-from frictionid.fitting.identifiers.harmonics import harmonics
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.identifiers.start_of_fit import harmonics
+from frictionid.fitting.one_step.recipe import INTEGRAL, training_problem
 from frictionid.friction.laws import Cogging, Sum
 
 MOTORS = ((0.4, 2.0, 5.0), (0.3, 2.0, 4.0), (0.35, 1.0, 6.0), (0.4, 3.0, 4.0), (0.3, 1.0, 8.0))

@@ -19,7 +19,7 @@ import numpy as np
 from script import call
 
 import frictionid as fid
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 
 try:
     import mujoco_warp

@@ -27,7 +27,7 @@ from frictionid.evaluation import (
 from frictionid.fitting.identifiers import LeastSquares, SINDy
 from frictionid.fitting.identifiers.compressed import CompressedNetwork
 from frictionid.fitting.identifiers.network import Network
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, training_problem
 from frictionid.friction.laws import LSTM, MLP, Stribeck
 from frictionid.simulate import Curve, load_rig, noise_free, simulate
 from frictionid.simulate import Stribeck as SimulatedStribeck

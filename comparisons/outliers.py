@@ -20,7 +20,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import curve_error, steady_state, velocity_grid
 from frictionid.fitting.identifiers.least_squares import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.fitting.shooting import Shooting
 from frictionid.friction import Friction
 from frictionid.friction.laws import Stribeck

@@ -34,7 +34,7 @@ from frictionid.data.readers.dataset import load_dataset, within
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.fitting.parameter_block import ParameterBlock
 from frictionid.fitting.parameters import (
     BiasBlock,

@@ -32,7 +32,7 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.evaluation.reference_model import StartErrors, choose
 from frictionid.evaluation.statistics import REGION
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.simulate import Curve, LoadFriction, simulate
 from frictionid.simulate import Stribeck as TrueStribeck

@@ -13,7 +13,7 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.evaluation import Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, training_problem
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.mechanics.plant import Plant

@@ -21,7 +21,7 @@ from frictionid.dynamics import end_states
 from frictionid.evaluation.scoring import held_out_residual
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, training_problem
 from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting import refine, window_steps, windows
 from frictionid.fitting.shooting.data_checks import odd_among

@@ -11,11 +11,11 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_331,
-    "files": 346,
+    "tokens": 566_002,
+    "files": 338,
     "classes": 524,
-    "tokens of tests": 415_988,
-    "words": 27_965,
+    "tokens of tests": 415_840,
+    "words": 27_963,
 }
 NAMES = 69
 

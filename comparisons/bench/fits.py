@@ -24,7 +24,7 @@ from frictionid.evaluation import (
     velocity_grid,
 )
 from frictionid.fitting.identifiers import LeastSquares, SINDy, SparseDynamics
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, problem_of, training_problem
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, Law, along
 from frictionid.friction.laws import CoulombViscous, Spline, Stribeck

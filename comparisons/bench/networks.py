@@ -15,7 +15,7 @@ from frictionid.evaluation import Split, make_folds
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.compressed import CompressedNetwork
 from frictionid.fitting.identifiers.network import Network
-from frictionid.fitting.one_step.formulation import STUDY, problem_of
+from frictionid.fitting.one_step.recipe import STUDY, problem_of
 from frictionid.friction import along
 from frictionid.friction.laws import LSTM, MLP
 

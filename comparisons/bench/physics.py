@@ -17,7 +17,7 @@ from samples import RATE, acrobot
 
 from frictionid.arrays import solve
 from frictionid.data.plants import plant_of
-from frictionid.fitting.one_step.formulation import STUDY, states_of
+from frictionid.fitting.one_step.recipe import STUDY, states_of
 from frictionid.mechanics import RigidBodyTree, urdf
 
 JOINTS, SAMPLES = (2, 3, 7), 10_000

@@ -9,7 +9,7 @@ from samples import acrobot
 from frictionid.arrays import solve
 from frictionid.data.plants import plant_of
 from frictionid.data.state_estimators import RTS
-from frictionid.fitting.one_step.formulation import STUDY, problem_of, states_of
+from frictionid.fitting.one_step.recipe import STUDY, problem_of, states_of
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import Stribeck
 

@@ -20,7 +20,7 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, training_problem
 from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting import refine
 from frictionid.friction.laws import CoulombViscous, Stribeck

@@ -16,7 +16,7 @@ from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import Folds
-from frictionid.fitting.one_step.formulation import STUDY, states_of
+from frictionid.fitting.one_step.recipe import STUDY, states_of
 
 WINDOW = 9  # velocity samples that the dynamic model sees
 

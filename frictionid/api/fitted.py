@@ -11,12 +11,12 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.config import nearest
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, speeds, torque_frame, velocity_grid
 from frictionid.fitting.fit import estimates_of
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.model_files import LAWS, save_model
 from frictionid.friction.provenance import Estimates

@@ -10,8 +10,7 @@ from frictionid.arrays import Array, evenly
 from frictionid.check import source_sentences, torque_sources
 from frictionid.check.motion import motions_of
 from frictionid.check.torque_speed import limit_findings, torque_speeds
-from frictionid.data.calibration import with_calibrated_servos
-from frictionid.data.plants import plant_of, refuse_torques
+from frictionid.data.plants import plant_of, refuse_torques, with_calibrated_servos
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, holds
 from frictionid.data.state_estimators import States, thin
@@ -29,7 +28,7 @@ from frictionid.evaluation.free_run import free_run, make_trajectory
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction
 

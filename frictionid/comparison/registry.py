@@ -27,7 +27,7 @@ from frictionid.fitting.identifiers import (
 from frictionid.fitting.identifiers.compressed import CompressedNetwork
 from frictionid.fitting.identifiers.network import Network
 from frictionid.fitting.identifiers.regressor import estimator_named
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.fitting.parameter_block import ParameterBlock
 from frictionid.fitting.parameters import (
     ActuatorBlock,

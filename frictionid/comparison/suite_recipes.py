@@ -17,7 +17,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation.prepared import usual_interval
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Flexible, Frictionless
-from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
+from frictionid.fitting.one_step.recipe import INTEGRAL, Recipe
 from frictionid.fitting.parameter_block import ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.recipe import PARTS, KnownCalibration, known_calibration

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration, stack_calibrations
+from frictionid.data.plants import Calibration, stack_calibrations
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     CalibratedView,
@@ -19,7 +19,7 @@ from frictionid.evaluation import (
 )
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.formulation import Recipe
+from frictionid.fitting.one_step.recipe import Recipe
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import CalibratedRecipe
 from frictionid.fitting.shooting.recipe import PARTS, ShootingData, part_of_calibration

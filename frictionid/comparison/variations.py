@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from frictionid.arrays import Array, evenly
 from frictionid.config import NonEmpty, Positive, Strict
-from frictionid.data.calibration import Calibration, calibrated_dataset
+from frictionid.data.plants import Calibration, calibrated_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, taken
 from frictionid.errors import InputError

@@ -14,9 +14,8 @@ from frictionid.api.fit import fit as fit_again
 from frictionid.api.fitted import Fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.arrays import MAD, Array, joined, picked, rms
-from frictionid.data.calibration import calibrated_plant, with_calibrated_servo
 from frictionid.data.integrals import averages
-from frictionid.data.plants import plant_of, refuse_torques
+from frictionid.data.plants import calibrated_plant, plant_of, refuse_torques, with_calibrated_servo
 from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, holds

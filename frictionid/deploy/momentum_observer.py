@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.errors import InputError
 from frictionid.fitting.fit import estimates_of
 from frictionid.friction import Friction, Inputs, Memory

@@ -11,7 +11,7 @@ import pandas as pd
 from frictionid.api.models import count as whole
 from frictionid.api.models import friction_of
 from frictionid.comparison.equal_joints import groups_of
-from frictionid.data.calibration import Calibration, stack_calibrations
+from frictionid.data.plants import Calibration, stack_calibrations
 from frictionid.errors import InputError, printable
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model

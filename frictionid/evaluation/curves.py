@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, rms, solve
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import LARGEST
 from frictionid.errors import InputError

@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import MAD, Array, usual_step
-from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import averages, pieces_of
-from frictionid.data.plants import on_recorded_base
+from frictionid.data.plants import Calibration, on_recorded_base
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, open_loop, seen_by_encoder
 from frictionid.data.signals import Signal, sample

@@ -15,12 +15,18 @@ from pydantic import Field
 
 from frictionid.arrays import Array
 from frictionid.config import NotNegative, Positive, validated
-from frictionid.data.calibration import Calibration, calibrated_dataset, calibrated_plant
-from frictionid.data.plants import plant_of, refuse_torques, unit_inertia_plant
+from frictionid.data.plants import (
+    Calibration,
+    calibrated_dataset,
+    calibrated_plant,
+    plant_of,
+    refuse_torques,
+    unit_inertia_plant,
+)
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import Estimator, KalmanFilter, States, without_outliers
 from frictionid.errors import InputError
-from frictionid.fitting.one_step.formulation import (
+from frictionid.fitting.one_step.recipe import (
     INTEGRAL,
     STUDY,
     Recipe,

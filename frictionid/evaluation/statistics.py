@@ -10,7 +10,7 @@ from scipy.special import stdtr, stdtrit  # scipy.stats takes half a second to i
 from frictionid.arrays import Array
 from frictionid.fitting.gauss_newton import Conditions
 from frictionid.fitting.one_step.linearised import Linearised
-from frictionid.fitting.one_step.one_step_fit import spread_of
+from frictionid.fitting.one_step.recipe import spread_of
 from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction, present
 from frictionid.friction.laws.levels import stem

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration
-from frictionid.data.plants import plant_of
+from frictionid.data.plants import Calibration, plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction, present
 from frictionid.friction.provenance import Bands, Estimate, Estimates

@@ -20,7 +20,7 @@ from frictionid.friction.provenance import Dropped
 from .covariance import grouped_covariance, least_significant
 from .fit import Covariance
 from .gauss_newton import box_step
-from .one_step.one_step_fit import CLEAR, KNOWN
+from .one_step.recipe import CLEAR, KNOWN
 from .parameter_block import (
     IDEAL,
     Key,

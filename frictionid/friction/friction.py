@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, like, namespace, numbers_like, plain
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.errors import InputError
 from frictionid.programs.machine_code import compiled
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import unknown
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.errors import InputError, located, needs
 from frictionid.files import (
     TEMPORARY,

@@ -8,7 +8,7 @@ from fixtures.refusals import assert_refused
 from fixtures.shared import shared
 
 import frictionid as fid
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 
 
 @shared

@@ -25,8 +25,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.files import read_json
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
-from frictionid.fitting.one_step.one_step_fit import checked_fit
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, checked_fit, training_problem
 from frictionid.friction.model_files import load_model
 
 COMMANDS = ("compare", "fit", "evaluate", "report", "simulate")

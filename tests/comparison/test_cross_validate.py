@@ -14,7 +14,7 @@ from frictionid.evaluation import Protocol, Split, make_folds, score_frame, true
 from frictionid.files import read_json
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
 

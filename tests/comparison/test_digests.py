@@ -9,7 +9,7 @@ from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.tasks import Task
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY
 from frictionid.friction.laws import CoulombViscous, Stribeck
 
 

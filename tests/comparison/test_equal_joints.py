@@ -21,7 +21,7 @@ from frictionid.data.signals import Signal
 from frictionid.evaluation.statistics import effective_parameters
 from frictionid.fitting.identifiers import LeastSquares, SINDy
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
-from frictionid.fitting.one_step.one_step_fit import covariance_of_fit, one_step_fit
+from frictionid.fitting.one_step.recipe import covariance_of_fit, one_step_fit
 from frictionid.fitting.parameter_block import values_of, with_values
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, refine

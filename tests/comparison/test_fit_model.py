@@ -10,7 +10,7 @@ from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.fit_model import fit_model
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.fitting.identifiers import BlackBox, LeastSquares, Published, SparseDynamics
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.friction.laws import CoulombViscous

@@ -15,7 +15,7 @@ from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.excitation import Experiment, Search, design_signals, limits_of, prior_friction_of
 from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, problem_of, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, problem_of, training_problem
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model

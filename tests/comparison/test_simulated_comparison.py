@@ -9,7 +9,7 @@ from fixtures.true_curves import curve_errors
 from frictionid import load_dataset
 from frictionid.data.plants import plant_of
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, Recipe, training_problem
 from frictionid.friction.laws import Stribeck
 from frictionid.simulate import load_rig, noise_free, simulate
 

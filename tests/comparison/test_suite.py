@@ -22,7 +22,7 @@ from frictionid.data.state_estimators import SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.model_files import save_model

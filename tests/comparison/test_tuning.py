@@ -22,7 +22,7 @@ from frictionid.comparison.suite import IdentifierEntry, load_suite, tasks_of
 from frictionid.comparison.tuning import tune
 from frictionid.comparison.tuning_task import TuningTask, training_benchmark, tuning_tasks
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.report.sensitivity import score_table, settings_tables
 
 OWN = """

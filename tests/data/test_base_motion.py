@@ -8,10 +8,10 @@ from fixtures.refusals import assert_refused
 from fixtures.shared import shared
 from scipy.spatial.transform import Rotation
 
-from frictionid.data.base_motion import base_motion
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import within
 from frictionid.data.readers.dataset_toml import check_dataset_toml
+from frictionid.data.recording import base_motion
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 

@@ -9,14 +9,14 @@ from fixtures.dataset_files import assert_same
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.data.calibration import (
+from frictionid.data.integrals import averages
+from frictionid.data.plants import (
     Calibration,
     calibrated_dataset,
     calibrated_plant,
+    plant_of,
     stack_calibrations,
 )
-from frictionid.data.integrals import averages
-from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.friction import Friction

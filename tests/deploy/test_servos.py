@@ -11,7 +11,7 @@ from fixtures.refusals import assert_one_line
 from fixtures.servo_logs import by_controller
 
 import frictionid as fid
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import save_model
 

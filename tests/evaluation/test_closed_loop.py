@@ -11,7 +11,7 @@ from fixtures.servo_logs import by_controller
 from fixtures.slopes import assert_slopes
 from numpy.testing import assert_allclose
 
-from frictionid.data.calibration import Calibration, calibrated_dataset
+from frictionid.data.plants import Calibration, calibrated_dataset
 from frictionid.data.signals import Signal
 from frictionid.evaluation import Protocol, free_run, prepare
 from frictionid.evaluation.predicted_motion import predict

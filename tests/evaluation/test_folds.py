@@ -14,7 +14,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.evaluation import Folds, Split, make_folds
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, problem_of
 
 KINDS = ("recordings", "blocks", "shuffled")
 

@@ -15,8 +15,7 @@ from fixtures.true_curves import true_states
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
-from frictionid.data.calibration import Calibration, calibrated_dataset
-from frictionid.data.plants import plant_of
+from frictionid.data.plants import Calibration, calibrated_dataset, plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import Signal

@@ -21,7 +21,7 @@ from frictionid.evaluation import (
     with_motor_torque,
 )
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, training_problem
 from frictionid.friction.laws import MotorLoad
 from frictionid.friction.model_files import load_model
 

@@ -10,8 +10,7 @@ from fixtures.score_frames import select
 from fixtures.tiny_pendulums import TRUTH, dataset
 
 from frictionid import load_dataset
-from frictionid.data.calibration import Calibration, stack_calibrations
-from frictionid.data.plants import plant_of
+from frictionid.data.plants import Calibration, plant_of, stack_calibrations
 from frictionid.evaluation import (
     Protocol,
     Split,

@@ -35,7 +35,7 @@ from frictionid.excitation.information import (
     smoother_gains,
 )
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction, one_step_problem
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous

@@ -15,7 +15,7 @@ from test_sandwich import of_rows
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.neutral import LocalCost, Unknown, followed, sentences_of, with_held
-from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
+from frictionid.fitting.one_step.recipe import covariance_of_fit
 from frictionid.fitting.parameter_block import FREE, Parameter
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.sandwich import Groups, excess_of

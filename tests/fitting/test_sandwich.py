@@ -7,7 +7,7 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import stdtrit
 
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.fitting import sandwich as module
 from frictionid.fitting.covariance import grouped_covariance, meaningless
 from frictionid.fitting.parameter_block import Estimate

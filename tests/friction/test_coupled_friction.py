@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.plants import plant_of
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, states_of, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, states_of, training_problem
 from frictionid.fitting.parameters import BiasBlock, FrictionBlock
 from frictionid.fitting.torque_balance import TorqueSettings, fit_torques, torque_balance
 from frictionid.friction.laws import CoulombViscous

@@ -14,7 +14,7 @@ from frictionid.data.plants import plant_of
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, problem_of
+from frictionid.fitting.one_step.recipe import INTEGRAL, problem_of
 from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.friction import Friction, Law

@@ -21,7 +21,7 @@ from frictionid.comparison.results import load_results
 from frictionid.comparison.tasks import Task
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY
 from frictionid.friction.laws import CoulombViscous
 from frictionid.report import show
 from frictionid.report.exhibits import exhibits_of, names_of

@@ -19,7 +19,7 @@ from frictionid.data.signals import Signal, cut
 from frictionid.rig.align.align_files import load_rig, read_angles
 from frictionid.rig.align.clock import Clock, align
 from frictionid.rig.align.cross_correlation import check_spans
-from frictionid.rig.align.drifting import lost_frames
+from frictionid.rig.align.drifting_clocks import lost_frames
 from frictionid.rig.align.drive_response import drive_response
 from frictionid.rig.align.recording_folder import add_recording, check_place
 from frictionid.simulate import Steps

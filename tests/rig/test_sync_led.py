@@ -32,7 +32,7 @@ from frictionid.data.signals import Signal
 from frictionid.mechanics import mechanism_of
 from frictionid.rig.align.clock import align
 from frictionid.rig.align.cross_correlation import coarse_offset
-from frictionid.rig.align.sync_edges import clock_from_edges, edges_of
+from frictionid.rig.align.drifting_clocks import clock_from_edges, edges_of
 from frictionid.rig.camera.angles import angles_csv
 from frictionid.rig.camera.film import write_film
 from frictionid.rig.camera.marker_setup import Links, load_marker_setup, marker_setup_text

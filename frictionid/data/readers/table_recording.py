@@ -9,8 +9,7 @@ import numpy as np
 from frictionid.arrays import Array, usual_step
 from frictionid.errors import InputError
 
-from ..base_motion import base_motion
-from ..recording import Recording, TrueMotion
+from ..recording import Recording, TrueMotion, base_motion
 from ..servo import Servo, servo_torque
 from ..signals import Signal, check_span
 from .column_toml import CURRENTS, OWN, UNITS, Motor

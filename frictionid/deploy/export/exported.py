@@ -12,8 +12,8 @@ from pydantic import Field
 from frictionid.api.machines import Machine, Nearest
 from frictionid.arrays import Array
 from frictionid.config import validated
-from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.envelope import Envelope
+from frictionid.data.plants import Calibration, calibrated_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import PositionControl, position_control
 from frictionid.errors import InputError, printable

@@ -13,7 +13,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Prepared, training_of, with_calibration
 from frictionid.files import json_text, read_bytes, read_json, sha256, write_json
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.friction import Friction, along
 from frictionid.friction.model_files import model_document, read_model
 from frictionid.mechanics import Mechanism

@@ -19,8 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import MAD, Array, joined, picked, times, usual_step
-from frictionid.data.calibration import Calibration
-from frictionid.data.plants import plant_of
+from frictionid.data.plants import Calibration, plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import holds, run_edges
 from frictionid.evaluation import (
@@ -32,7 +31,7 @@ from frictionid.evaluation import (
     training_of,
     with_calibration,
 )
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, along
 from frictionid.friction.provenance import Segment

@@ -20,10 +20,9 @@ from frictionid.friction.laws import Spline
 from ..gauss_newton import Conditions, minimum
 from ..identifier import Identifier
 from ..one_step.linearised import Linearised, Ranges
-from ..one_step.one_step_fit import spread_of
+from ..one_step.recipe import spread_of
 from ..one_step.residual import Problem, data_range, huber_factors, normalised
-from .harmonics import by_evidence
-from .initial_guess import best_initial_guess, hardly_sliding
+from .start_of_fit import best_initial_guess, by_evidence, hardly_sliding
 
 _ROUNDS = 2  # of weights
 _ENOUGH = 100_000  # rows to begin with, where there are more

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import stack_calibrations
+from frictionid.data.plants import stack_calibrations
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import NoFriction

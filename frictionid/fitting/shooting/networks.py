@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.data.calibration import Calibration, calibrated_plant
 from frictionid.data.integrals import pieces_of
+from frictionid.data.plants import Calibration, calibrated_plant
 from frictionid.dynamics.law_derivatives import FreeTheta, SmoothedLaw, TensorLaw
 from frictionid.dynamics.state import Instant, State
 from frictionid.errors import needs

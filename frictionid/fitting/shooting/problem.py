@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, inverse
-from frictionid.data.calibration import calibrated_dataset, calibrated_plant
 from frictionid.data.integrals import pieces_of
+from frictionid.data.plants import calibrated_dataset, calibrated_plant
 from frictionid.data.signals import sample
 from frictionid.dynamics.end_states import end_states, memory_after_sample
 from frictionid.dynamics.law_derivatives import FreeTheta, LawReads, reads_of

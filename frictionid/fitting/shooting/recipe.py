@@ -15,7 +15,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.data.calibration import Calibration, stack_calibrations, with_calibrated_servos
+from frictionid.data.plants import Calibration, stack_calibrations, with_calibrated_servos
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction
@@ -23,8 +23,7 @@ from frictionid.friction.coordinates import with_units_of
 
 from ..fit import Fit
 from ..identifier import Identifier
-from ..one_step.formulation import INTEGRAL, Recipe, TrainingData
-from ..one_step.one_step_fit import checked, checked_fit, one_step_fit
+from ..one_step.recipe import INTEGRAL, Recipe, TrainingData, checked, checked_fit, one_step_fit
 from ..one_step.residual import Problem
 from ..parameter_block import ParameterBlock
 from .refine import fit_as_begun, fit_blocks

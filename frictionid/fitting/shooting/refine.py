@@ -18,7 +18,7 @@ from frictionid.friction.provenance import Estimates, Residuals, Segment
 from ..covariance import least_significant, without_shared
 from ..fit import Covariance, Fit
 from ..neutral import at_neutral_bound, freed, sentences_of, with_held
-from ..one_step.formulation import states_of
+from ..one_step.recipe import states_of
 from ..one_step.torque_outliers import without_torque_outliers
 from ..parameter_block import ParameterBlock
 from ..parameters import (

@@ -15,7 +15,7 @@ from frictionid.data.signals import Signal, relative_noise, sample
 from frictionid.data.state_estimators import RTS, States, resolutions
 from frictionid.errors import InputError
 
-from ..one_step.formulation import states_of
+from ..one_step.recipe import states_of
 from ..one_step.residual import GAP
 
 _APART = 4.0  # [s] between recordings on one clock: twice as much as targets may be late

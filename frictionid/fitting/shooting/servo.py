@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration, calibrated_servo
 from frictionid.data.integrals import SignalIntegrals, integrals_of
+from frictionid.data.plants import Calibration, calibrated_servo
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import Servo, with_steps
 from frictionid.data.signals import Signal, holds

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.state_estimators import slowest_speeds
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction import PEAK_SHOWN, DataRange, Friction, constraints_of
@@ -18,7 +18,7 @@ from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.friction.provenance import Dropped
 
 from ..neutral import Idle, LocalCost, Unknown, at_neutral, followed, holding_unknown, parts_of
-from ..one_step.one_step_fit import CLEAR
+from ..one_step.recipe import CLEAR
 from ..parameter_block import (
     IDEAL,
     Estimate,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.arrays import Array, rms, stretches
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.law_derivatives import reads_of
 from frictionid.errors import InputError, NoFitError
@@ -29,7 +29,7 @@ from ..neutral import (
     sentences_of,
     with_held,
 )
-from ..one_step.one_step_fit import checked_fit
+from ..one_step.recipe import checked_fit
 from ..one_step.residual import data_range
 from ..parameter_block import (
     Estimate,

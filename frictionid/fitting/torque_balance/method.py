@@ -9,7 +9,7 @@ from frictionid.arrays import Array
 
 from ..fit import Fit
 from ..identifier import Identifier
-from ..one_step.formulation import INTEGRAL, Recipe
+from ..one_step.recipe import INTEGRAL, Recipe
 from ..parameter_block import ParameterBlock
 from ..parameters import BiasBlock, DelayBlock, FrictionBlock, InertiaBlock
 from ..shooting.recipe import ShootingData, with_folds

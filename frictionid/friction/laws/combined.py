@@ -15,11 +15,10 @@ from frictionid.config import unknown
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory, at_rest
 
-from .cogging import Cogging
 from .levels import NoFriction, stem
 from .load import LoadDependent, MotorLoad
+from .position_torques import Cogging, Spring
 from .relaxing import Dahl, FilmLag, LuGre
-from .spring import Spring
 from .stribeck import CoulombViscous, Quadratic, Stribeck
 
 # Laws that others can be made of.

@@ -10,7 +10,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, speeds, steady_state, velocity_grid
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 

@@ -23,9 +23,8 @@ from ..logfile import ClockRuns, Log, column_names, read_log
 from ..rig_settings import RigSettings, load_rig_settings
 from .clock import Alignment, Clock, align, by_marker
 from .cross_correlation import around
-from .drifting import lost_frames
+from .drifting_clocks import MarkerClock, clock_from_edges, edges_of, lost_frames
 from .drive_response import DriveResponse, drive_response
-from .sync_edges import MarkerClock, clock_from_edges, edges_of
 
 _EPOCH = 1e8  # [s]: later times count from 1970, as those of other computers do
 _MAX_DIFFERENCE = 600.0  # [s] by which the clocks of two computers may differ

@@ -11,16 +11,15 @@ from frictionid.arrays import Array
 from frictionid.check.hypothesis_tests import delay_of
 from frictionid.check.motion import motions_of, unit_rows
 from frictionid.check.partial_regression import PARAMETER_PRIOR
-from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import integrals_of
-from frictionid.data.plants import plant_of
+from frictionid.data.plants import Calibration, plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.balances import Rows
-from frictionid.fitting.one_step.formulation import INTEGRAL, states_of, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, states_of, training_problem
 from frictionid.fitting.parameter_block import Estimate, ParameterBlock
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import (
@@ -34,7 +33,7 @@ from frictionid.friction.laws import Stribeck
 from frictionid.mechanics import Mechanism
 
 from .cross_correlation import CoarseOffset, around, coarse_offset
-from .drifting import clock_step, drifting
+from .drifting_clocks import clock_step, drifting
 
 LAW = Stribeck(symmetric=False)
 # Longer windows carry more information. Where a joint sticks and slips their prediction has kinks:

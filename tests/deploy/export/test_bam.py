@@ -14,7 +14,7 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 import frictionid as fid
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported

@@ -14,7 +14,7 @@ from fixtures.shared import shared
 from numpy.testing import assert_allclose
 
 import frictionid as fid
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.formats.mujoco import fitted_bodies, not_reached, physical_parameters

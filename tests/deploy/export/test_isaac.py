@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from frictionid.data.calibration import Calibration
 from frictionid.data.envelope import Envelope
+from frictionid.data.plants import Calibration
 from frictionid.data.servo import PositionControl
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported

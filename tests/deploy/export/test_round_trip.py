@@ -16,7 +16,7 @@ from fixtures.shared import shared
 from numpy.testing import assert_allclose
 
 import frictionid as fid
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.formats.isaac import write as isaac

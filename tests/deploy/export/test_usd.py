@@ -9,8 +9,8 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 import frictionid as fid
-from frictionid.data.calibration import Calibration
 from frictionid.data.envelope import Envelope
+from frictionid.data.plants import Calibration
 from frictionid.data.servo import PositionControl
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported

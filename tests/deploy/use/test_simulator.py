@@ -8,7 +8,7 @@ from fixtures.refusals import assert_refused
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.deploy.simulator import Simulator
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State

@@ -28,8 +28,8 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.identifiers.initial_guess import best_initial_guess, sums_of_rows
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.fitting.identifiers.start_of_fit import best_initial_guess, sums_of_rows
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, training_problem
 from frictionid.fitting.one_step.residual import huber_factors, mask_stiction
 from frictionid.friction import Friction, Law, along
 from frictionid.friction.laws import CoulombViscous, Stribeck

@@ -17,7 +17,7 @@ from frictionid.fitting.identifiers.check_identifier import (
     synthetic_problem,
     synthetic_weights,
 )
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, check_law
 

@@ -21,9 +21,9 @@ import frictionid as fid
 from frictionid.data.plants import plant_of
 from frictionid.fitting.identifiers import LeastSquares, Regressor
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.identifiers.harmonics import harmonics, with_harmonics
 from frictionid.fitting.identifiers.regressor import NAMED, estimator_named, torques
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.identifiers.start_of_fit import harmonics, with_harmonics
+from frictionid.fitting.one_step.recipe import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import Friction, along, present
 from frictionid.friction.laws import Cogging, CoulombViscous, Ripple, Stribeck, Sum

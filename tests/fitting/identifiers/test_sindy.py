@@ -28,9 +28,8 @@ from frictionid.fitting.identifiers.active_sets import (
     held_out_costs,
 )
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.linearised import clusters, columns, grams
-from frictionid.fitting.one_step.one_step_fit import one_step_fit
+from frictionid.fitting.one_step.recipe import INTEGRAL, one_step_fit, training_problem
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.fitting.shooting.recipe import refine_folds
 from frictionid.fitting.shooting.sample_intervals import intervals_of

@@ -19,7 +19,7 @@ from frictionid.dynamics.state import State
 from frictionid.evaluation import Protocol, Split, make_folds, prepare, prepared_for, score_model
 from frictionid.fitting.identifiers import BlackBox, SparseDynamics
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import Inputs, along
 from frictionid.friction.laws import StateLibrary

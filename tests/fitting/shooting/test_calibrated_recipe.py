@@ -17,7 +17,7 @@ from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipes
 from frictionid.comparison.tasks import Task, content_of, prepare_benchmarks
 from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
 from frictionid.fitting.identifiers import Flexible, Frictionless, LeastSquares, SINDy
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.friction.laws import CoulombViscous

@@ -19,7 +19,7 @@ from frictionid.data.signals import Signal
 from frictionid.fitting.covariance import least_significant
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.fitting.parameter_block import Parameter
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting, refine

@@ -18,7 +18,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.formats.bam import XL330_GAIN
 from frictionid.evaluation import Protocol, prepare, score_model, score_value, with_parameters
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, STUDY, training_problem
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock
 from frictionid.fitting.shooting import Settings, Shooting, refine
 from frictionid.friction.laws import MotorLoad

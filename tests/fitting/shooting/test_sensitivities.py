@@ -12,7 +12,7 @@ from fixtures.wrist import motion, wrist
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.fitting.parameter_block import values_of

@@ -9,8 +9,8 @@ from fixtures.refusals import assert_refused
 from fixtures.slopes import assert_slopes
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import pieces_of
+from frictionid.data.plants import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal, sample, taken

@@ -15,7 +15,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import EstimatedStates, Prepared, Protocol, torque_frame, torque_left
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.recipe import INTEGRAL, training_problem
 from frictionid.fitting.shooting import refine
 from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.laws import CoulombViscous, Stribeck

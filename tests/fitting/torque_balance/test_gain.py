@@ -13,11 +13,11 @@ from numpy.testing import assert_allclose
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.suite_recipes import blocks_of
-from frictionid.data.calibration import Calibration
+from frictionid.data.plants import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
+from frictionid.fitting.one_step.recipe import INTEGRAL, states_of
 from frictionid.fitting.parameter_block import Estimate
 from frictionid.fitting.parameters import FrictionBlock, GainBlock, InertiaBlock
 from frictionid.fitting.torque_balance import (

@@ -16,8 +16,7 @@ from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.suite import identifier_named
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
-from frictionid.data.calibration import Calibration
-from frictionid.data.plants import plant_of
+from frictionid.data.plants import Calibration, plant_of
 from frictionid.data.state_estimators import RTS, States
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
