@@ -226,7 +226,12 @@ def explained(solution: Solution) -> bool:
 
 def is_astray(solution: Solution) -> bool:
     """Whether predictions are farther off, or base parameters run farther, than in any fit."""
-    return bool(_worse(solution).max() > _FAR) or any(_scaled(solution))
+    return bool(_worse(solution).max() > _FAR) or base_runs_off(solution)
+
+
+def base_runs_off(solution: Solution) -> bool:
+    """Whether base parameters are far larger or smaller than their nominal values."""
+    return any(_scaled(solution))
 
 
 def _worse(solution: Solution) -> Array:

@@ -31,6 +31,7 @@ from ..parameters import (
     on_support,
 )
 from ..sandwich import Groups, sandwich, shown_once, solve_scaled, step_of, worth
+from .beginning import begun
 from .data_checks import (
     explained,
     no_plateau,
@@ -46,7 +47,7 @@ from .problem import shooting_problem
 from .sample_intervals import Intervals, intervals_of
 from .servo import has_actuator, with_servo
 from .settings import DEFAULT_BLOCKS, Settings, applicable
-from .stages import Stage, begun, prepare_fit, solved, that_may_be_free, with_neutral
+from .stages import Stage, prepare_fit, solved, that_may_be_free, with_neutral
 from .window_steps import linearised_at
 from .windows import Solution, eliminate_states
 
@@ -220,8 +221,7 @@ def refined_by(stage: Stage, start: Friction) -> tuple[Fit, tuple[str, ...]]:
         replace(each, calibration=estimate.calibration, parameters={})
         for each in (stage.network or as_given(estimate.friction, start), estimate.friction)
     )
-    covariance = _with_held(covariance, stage)
-    covariance = without_shared(covariance.each, estimate.friction.law)
+    covariance = without_shared(_with_held(covariance, stage).each, estimate.friction.law)
     return Fit(friction, covariance, diagnostics, fitted), omitted
 
 

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from frictionid.dynamics import step_size
 from frictionid.errors import NoFitError
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
-from frictionid.fitting.shooting import Settings, gauss_newton, refine, stages
+from frictionid.fitting.shooting import Settings, beginning, gauss_newton, refine, stages
 from frictionid.fitting.shooting.gauss_newton import _initial_noise
 from frictionid.fitting.shooting.problem import Linearisation
 from frictionid.fitting.shooting.sample_intervals import cut_windows, intervals_of
@@ -340,8 +340,9 @@ def test_base_parameters_are_held_where_nothing_is_explained_and_all_goes_astray
     def astray(solution):
         return any(p.block == "inertia" for p in solution.problem.parameters)
 
-    monkeypatch.setattr(stages, "is_astray", astray)
-    monkeypatch.setattr(stages, "explained", lambda _: explained)
+    monkeypatch.setattr(beginning, "is_astray", astray)
+    monkeypatch.setattr(beginning, "base_runs_off", astray)
+    monkeypatch.setattr(beginning, "explained", lambda _: explained)
     blocks = FrictionBlock(), InertiaBlock(offered=True)
     result = refine(START, dataset(), blocks, Settings(iterations=2))
     said = "Left out of the fit: base parameters, as predictions went astray."
