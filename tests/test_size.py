@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_296,
+    "tokens": 566_290,
     "files": 346,
     "classes": 524,
-    "tokens of tests": 415_917,
+    "tokens of tests": 415_888,
     "words": 27_965,
 }
 NAMES = 69

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from joblib import cpu_count
 
-from frictionid.errors import InputError, NoFitError, located
+from frictionid.errors import InputError, NoFitError, located, needs
 from frictionid.evaluation import HorizonErrors
 from frictionid.files import sha256
 from frictionid.fitting.fit import own_base
@@ -193,12 +193,8 @@ def results_of(
     if dask is None or not calls:
         results = side_by_side(_run, calls, jobs or cpu_count())
     else:
-        try:
+        with needs("dask"):
             from .cluster import on_cluster
-        except ModuleNotFoundError as error:
-            raise InputError(
-                f"a cluster needs the package {error.name}: pip install 'frictionid[dask]'"
-            ) from None
         results = on_cluster(_run, calls, dask)
     for i, result in results:
         for task in groups[i]:
