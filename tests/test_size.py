@@ -11,9 +11,9 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_290,
+    "tokens": 566_252,
     "files": 346,
-    "classes": 524,
+    "classes": 523,
     "tokens of tests": 415_888,
     "words": 27_965,
 }

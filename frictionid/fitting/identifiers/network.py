@@ -19,7 +19,7 @@ from frictionid.errors import InputError, needs
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws.mlp import MLP, together
 from frictionid.friction.laws.network_law import NetworkLaw, is_learned
-from frictionid.friction.laws.state_laws import StateNetworkLaw
+from frictionid.friction.laws.state_laws import StateMLP
 
 from ..identifier import Identifier
 from ..one_step.residual import Problem, normalised
@@ -101,7 +101,7 @@ class Network(Identifier):
 
     def _scales(self, problem: Problem, weights: Array) -> Array:
         """Scales (F, n, k) of the first parameters of the law."""
-        of_states = isinstance(self.law, StateNetworkLaw)
+        of_states = isinstance(self.law, StateMLP)
         return (state_scales if of_states else friction_scales)(problem, weights)
 
     def _fitted(
@@ -110,7 +110,7 @@ class Network(Identifier):
         weights, law = normalised(weights, problems[0]), self.law
         if self.inputs == "all":
             law = replace(law, others=problems[0].r.shape[1] - 1)
-        if isinstance(law, StateNetworkLaw):
+        if isinstance(law, StateMLP):
             law = replace(law, joints=problems[0].r.shape[1])
         friction, costs = self.train(law, problems, weights, scales, seed)
         training, held = costs.round(5)
