@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import MAD, Array
+from frictionid.arrays import MAD, Array, huber_cost
 from frictionid.errors import NoFitError
 from frictionid.progress import report_step
 
@@ -120,9 +120,9 @@ def solve(
 def cost_rise(before: Solution, after: Solution, huber: float) -> float:
     """How much higher the cost is after, of the windows that count before, by the noise before."""
     size = [np.abs(s.residual) / before.sigma for s in (before, after)]
-    costs = [np.where(e <= huber, e**2, huber * (2 * e - huber)) for e in size]
+    rise = huber_cost(size[1], huber) - huber_cost(size[0], huber)
     share = before.counts[:, None] * before.share
-    return float((share[..., None] * (costs[1] - costs[0])).sum())
+    return float((share[..., None] * rise).sum())
 
 
 def step_with_windows(solution: Solution, seconds: float) -> Solution:
