@@ -18,7 +18,7 @@ from frictionid.evaluation import EstimatedStates, speeds, torque_frame, velocit
 from frictionid.fitting.fit import estimates_of
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
-from frictionid.friction.model_files import LAWS, save_model
+from frictionid.friction.model_files import kind_of, save_model
 from frictionid.friction.provenance import Estimates
 from frictionid.pictures import drawn
 from frictionid.report import show_fit
@@ -55,10 +55,7 @@ class Fit(Shown):
     @property
     def law(self) -> str:
         """Name of the law, as in model files."""
-        return next(
-            (name for name, law in LAWS.items() if type(self.friction.law) is law),
-            type(self.friction.law).__name__,
-        )
+        return kind_of(self.friction.law)
 
     @property
     def method(self) -> str:
