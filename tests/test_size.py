@@ -14,7 +14,7 @@ BUDGET = {
     "tokens": 566_225,
     "files": 346,
     "classes": 523,
-    "tokens of tests": 415_888,
+    "tokens of tests": 415_819,
     "words": 27_965,
 }
 NAMES = 69
