@@ -144,13 +144,7 @@ def like(values: Any, array: Array) -> Array:
 
 
 def numbers_like(values: Any, array: Array, where: str) -> Array:
-    """What a user gave, like another array; `where` names it.
-
-    Raises
-    ------
-    InputError
-        For what is no number.
-    """
+    """What a user gave, like another array; `where` names it."""
     try:
         return like(values, array)
     except (TypeError, ValueError):

@@ -216,11 +216,6 @@ class Fit(Shown):
             measured; "correlation" of the parameters of a fit by shooting.
         run, start, horizon
             Of "motion", as in `predict`; the first recording, if no run is named.
-
-        Raises
-        ------
-        InputError
-            For unknown kinds, and what this fit cannot show.
         """
         if kind not in PLOTS:
             raise InputError(f"plot: kind = {kind!r} is unknown; {nearest(kind, PLOTS)}")
@@ -246,13 +241,7 @@ class Fit(Shown):
             say(self._assumption)
 
     def save(self, path: str | Path) -> None:
-        """Write a model file (JSON), weights of a network beside it.
-
-        Raises
-        ------
-        InputError
-            Where the place cannot be written.
-        """
+        """Write a model file (JSON), weights of a network beside it."""
         save_model(self.friction, Path(path))
 
     def export(

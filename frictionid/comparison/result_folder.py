@@ -105,13 +105,7 @@ def place_of(folder: Path, name: str) -> Path:
 
 
 def read_sealed(path: Path) -> dict[str, Any]:
-    """Document of a file, as it was written.
-
-    Raises
-    ------
-    InputError
-        Where it cannot be read, or was changed.
-    """
+    """Document of a file, as it was written."""
     try:
         document = read_json(path)
     except InputError as error:

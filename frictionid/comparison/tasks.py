@@ -96,11 +96,6 @@ def prepare_benchmarks(
 
     jobs : number of folds that are calibrated side by side, 0 for one per core
     kept : folders with earlier results, as in `run_tasks`: what they have needs no calibration
-
-    Raises
-    ------
-    InputError
-        Where recordings, folds and protocol do not fit together.
     """
     benchmarks = {task.benchmark.dataset.name: task.benchmark for task in tasks}
     recipes: dict[str, dict[str, Method]] = {name: {} for name in benchmarks}
@@ -177,11 +172,6 @@ def results_of(
 
     jobs : 0 for one per core
     dask : address of the scheduler of a cluster, whose workers run the tasks in place of these
-
-    Raises
-    ------
-    InputError
-        Where data or settings are wrong, with the task's name.
     """
     groups = sorted(_alike(tasks), key=lambda group: _effort(group[0]), reverse=True)
     # tasks of one benchmark share its data, which travel once

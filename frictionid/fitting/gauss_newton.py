@@ -41,7 +41,7 @@ class Conditions(NamedTuple):
     floor: Array
 
     def at(self, fits: Array) -> "Conditions":
-        """Those of some of the fits."""
+        """Conditions of some of the fits."""
         return Conditions(*(field[fits] for field in self))
 
     def prior_cost(self, x: Array) -> Array:

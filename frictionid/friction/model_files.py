@@ -216,11 +216,6 @@ def load_model(path: Path, own_laws: Sequence[type[Law]] = ()) -> Friction:
 
     A file written by hand may leave out `theta` and give `joints` only. Parameter files of BAM are
     read, too, see `bam_files`; `machine:NAME` is a card, see `frictionid.machines`.
-
-    Raises
-    ------
-    InputError
-        With the file, the rule and the value.
     """
     path = model_path(path)
     document = read_json(path)

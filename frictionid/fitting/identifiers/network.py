@@ -60,11 +60,6 @@ class Network(Identifier):
     compile : let PyTorch compile the cost, with a C++ compiler; that takes half a minute first
 
     The sample time of a law with a memory of samples is that of the problem.
-
-    Raises
-    ------
-    InputError
-        For settings out of range, and a device or compiler that is not there.
     """
 
     law: Law
@@ -207,13 +202,7 @@ class Network(Identifier):
 
 
 def check_device(device: str) -> None:
-    """Refuse a device that is not there.
-
-    Raises
-    ------
-    InputError
-        Saying what PyTorch sees.
-    """
+    """Refuse a device that is not there."""
     with needs("networks"):
         import torch
 

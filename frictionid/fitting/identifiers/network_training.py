@@ -172,13 +172,7 @@ def _name() -> str:
 
 
 def check_compiler() -> None:
-    """Refuse to compile where there is no C++ compiler.
-
-    Raises
-    ------
-    InputError
-        Saying what to do.
-    """
+    """Refuse to compile where there is no C++ compiler."""
     if not compiler():
         raise InputError(
             f"compile = true: PyTorch needs a C++ compiler, and {_name()!r} is not found: leave "

@@ -36,13 +36,7 @@ _SCALE = 10.0  # times the nominal base parameters
 def check_blocks(
     blocks: Sequence[ParameterBlock], estimate: Estimate, intervals: Intervals
 ) -> None:
-    """Refuse blocks that no data, or not these data, can tell apart.
-
-    Raises
-    ------
-    InputError
-        Saying which, and the way out.
-    """
+    """Refuse blocks that no data, or not these data, can tell apart."""
     names = [b.name for b in blocks]
     for name in names:
         if names.count(name) > 1:
@@ -124,13 +118,7 @@ def _held_scale(block: ParameterBlock, estimate: Estimate) -> ParameterBlock:
 
 
 def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: float) -> None:
-    """Refuse data with too few windows of so many seconds, wrapped angles, or joints at rest.
-
-    Raises
-    ------
-    InputError
-        Saying which.
-    """
+    """Refuse data with too few windows of so many seconds, wrapped angles, or joints at rest."""
     mechanism = intervals.dataset.mechanism
     _check_unwrapped(intervals.dataset)
     _check_length(intervals, len(parameters), seconds)
@@ -341,7 +329,7 @@ def odd_recordings(solution: Solution) -> tuple[OddRecording, ...]:
 
 
 def odd_among(sizes: Array, names: Sequence[str]) -> tuple[OddRecording, ...]:
-    """Those of R sizes that stand off from the rest, by the generalised test of [Rosner1983].
+    """Recordings whose sizes (R,) stand off from the rest, by the generalised test of [Rosner1983].
 
     The k largest are odd where the smallest of them stands off from the mean of the R - k others:
 

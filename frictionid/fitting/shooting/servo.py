@@ -259,11 +259,6 @@ def check_servo(
     """Refuse what recordings cannot tell of motor, machine and friction together.
 
     reads_torque : whether friction depends on the motor's torque
-
-    Raises
-    ------
-    InputError
-        Saying which blocks, and the way out.
     """
     parameters = {free.block.name: free.parameters for free in blocks}
     names = {p.name for p in parameters.get("actuator", ())}

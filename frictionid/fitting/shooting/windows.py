@@ -38,7 +38,7 @@ class WindowPrediction(NamedTuple):
     carried: Array
 
     def take(self, rows: Array | slice) -> "WindowPrediction":
-        """Those of some windows."""
+        """Predictions of some windows."""
         return WindowPrediction(*(x[rows] for x in self))
 
 

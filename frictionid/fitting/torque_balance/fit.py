@@ -291,13 +291,7 @@ def _groups(solution: TorqueSolution) -> Groups:
 def check_blocks(
     blocks: Sequence[ParameterBlock], estimate: Estimate, balance: TorqueBalance
 ) -> None:
-    """Refuse blocks that the balance of torques does not show, and joints that never slide.
-
-    Raises
-    ------
-    InputError
-        Saying which, and the way out.
-    """
+    """Refuse blocks that the balance of torques does not show, and joints that never slide."""
     name, names = balance.dataset.name, [b.name for b in blocks]
     for block in names:
         if block not in BLOCKS:
