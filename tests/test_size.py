@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_225,
+    "tokens": 566_146,
     "files": 346,
     "classes": 523,
-    "tokens of tests": 415_819,
+    "tokens of tests": 415_816,
     "words": 27_965,
 }
 NAMES = 69

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, huber_cost
+from frictionid.arrays import Array, huber_cost, picked
 
 from ..parameter_block import Estimate
 from .problem import ShootingProblem
@@ -180,7 +180,7 @@ def _with_windows_back(point: Point, last: Point, which: Array, move: Array) -> 
 
     Their predictions are written over: copies of all of them are gigabytes.
     """
-    new, old = point.prediction, last.prediction.take(which)
+    new, old = point.prediction, picked(last.prediction, which)
     size = old.slope.shape[-1] - len(move)
     new.error[which] = old.error - old.slope[..., size:] @ move
     new.moved[which] = old.moved + old.carried[..., size:] @ move
