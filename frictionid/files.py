@@ -113,6 +113,11 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def json_sha256(document: Mapping[str, Any]) -> str:
+    """SHA-256 of a document, whatever the order of its keys."""
+    return sha256(json.dumps(document, sort_keys=True).encode())
+
+
 def write_text(path: Path, text: str, *, durable: bool = False) -> None:
     """Write a text file as a whole or not at all, see `write_bytes`."""
     write_bytes(path, text.encode(), durable=durable)
