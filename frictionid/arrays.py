@@ -79,6 +79,15 @@ def rms(x: Array, axis: int | tuple[int, ...] | None = None) -> Array:
     return out
 
 
+def scatter(x: Array) -> Array:
+    """Standard deviation (...) of normal noise about zero (K, ...), by the median of its sizes.
+
+    >>> scatter(np.array([[-2.0], [1.0], [9.0]])).round(4)
+    array([2.9652])
+    """
+    return np.asarray(MAD * np.median(np.abs(x), axis=0))
+
+
 def huber_cost(size: Array, threshold: float) -> Array:
     """Huber's cost of residuals by their sizes e: e^2, beyond the threshold k 2 k e - k^2.
 

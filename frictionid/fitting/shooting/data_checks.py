@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
-from frictionid.arrays import MAD, Array, rows_by, usual_step
+from frictionid.arrays import Array, rows_by, scatter, usual_step
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import holds
 from frictionid.errors import InputError
@@ -184,10 +184,10 @@ def angle_noise(intervals: Intervals) -> Array:
     Where a motion is so fast that the smoother follows its noise, the third differences of angles,
     to which the motion adds.
     """
-    taken = MAD * np.median(np.abs(intervals.before - intervals.q), axis=0)
+    taken = scatter(intervals.before - intervals.q)
     runs = intervals.dataset.recordings
     rough = np.concatenate([np.diff(r.angle.value, 3, axis=0) for r in runs])
-    most = MAD * np.median(np.abs(rough), axis=0) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
+    most = scatter(rough) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
     noise = np.maximum(np.where(taken < _FOLLOWED * most, most, taken), intervals.rounding)
     sensor = [
         np.median(np.atleast_2d(r.angle.sigma), axis=0) for r in runs if r.angle.sigma is not None
