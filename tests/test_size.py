@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_068,
+    "tokens": 566_061,
     "files": 346,
     "classes": 523,
     "tokens of tests": 415_816,

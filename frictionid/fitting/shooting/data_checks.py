@@ -18,7 +18,7 @@ from frictionid.friction.provenance import OddRecording
 from frictionid.mechanics.plant import base_by_rotors
 
 from ..fit import UNEXPLAINED, Covariance
-from ..parameter_block import Estimate, Parameter, ParameterBlock
+from ..parameter_block import Estimate, Parameter, ParameterBlock, have_prior
 from .sample_intervals import Intervals, cut_windows
 from .windows import Solution
 
@@ -44,7 +44,7 @@ def check_blocks(
     parameters = {b.name: b.parameters(estimate) for b in blocks}
     everything = len(estimate.mechanism.base_names)
     scale = len(parameters.get("inertia", ())) == everything and "friction" in parameters
-    informed = any(np.isfinite(p.tolerance) for group in parameters.values() for p in group)
+    informed = have_prior(parameters)
     torque = intervals.dataset.actuated.any()
     remedy = (
         "fix one base parameter that you are sure of, such as "

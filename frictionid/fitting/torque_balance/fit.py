@@ -35,6 +35,7 @@ from ..parameter_block import (
     Estimate,
     ParameterBlock,
     free_blocks,
+    have_prior,
     values_of,
     with_excess,
     with_values,
@@ -304,7 +305,7 @@ def check_blocks(
     torque = bool(balance.dataset.actuated.any())
     base = estimate.mechanism.base_names
     free = {b.name: b.parameters(estimate) for b in blocks}
-    informed = any(np.isfinite(p.tolerance) for group in free.values() for p in group)
+    informed = have_prior(free)
     # recordings that differ by known amounts, such as a payload, give the others their scale
     loaded = bool(np.ptp(balance.base[balance.use], axis=0).any()) and torque
     if (
