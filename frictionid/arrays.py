@@ -79,6 +79,34 @@ def rms(x: Array, axis: int | tuple[int, ...] | None = None) -> Array:
     return out
 
 
+def scatter(x: Array) -> Array:
+    """Standard deviation (...) of normal noise about zero (K, ...), by the median of its sizes.
+
+    >>> scatter(np.array([[-2.0], [1.0], [9.0]])).round(4)
+    array([2.9652])
+    """
+    return np.asarray(MAD * np.median(np.abs(x), axis=0))
+
+
+def huber_cost(size: Array, threshold: float) -> Array:
+    """Huber's cost of residuals by their sizes e: e^2, beyond the threshold k 2 k e - k^2.
+
+    >>> huber_cost(np.array([1.0, 2.0, 4.0]), 2.0)
+    array([ 1.,  4., 12.])
+    """
+    return np.where(size <= threshold, size**2, 2 * threshold * size - threshold**2)
+
+
+def huber_weight(size: Array, threshold: Array | float) -> Array:
+    """Weights that make least squares of Huber's cost [Huber1964]: one, beyond the threshold k k/e.
+
+    >>> huber_weight(np.array([1.0, 2.0, 4.0]), 2.0)
+    array([1. , 1. , 0.5])
+    """
+    weight: Array = threshold / np.maximum(size, threshold)
+    return weight
+
+
 def evenly(count: int, most: int) -> Array:
     """Indices of at most so many of `count` things, the first and the last among them.
 
@@ -125,13 +153,7 @@ def like(values: Any, array: Array) -> Array:
 
 
 def numbers_like(values: Any, array: Array, where: str) -> Array:
-    """What a user gave, like another array; `where` names it.
-
-    Raises
-    ------
-    InputError
-        For what is no number.
-    """
+    """What a user gave, like another array; `where` names it."""
     try:
         return like(values, array)
     except (TypeError, ValueError):

@@ -36,13 +36,7 @@ _TABLES = ("model_type", "dataclass_type", "dataclass_exact_type")
 
 
 def read_toml(path: Path, advice: str = "check it") -> dict[str, Any]:
-    """Tables of a TOML file.
-
-    Raises
-    ------
-    InputError
-        Where it cannot be read, with the advice, or is no TOML.
-    """
+    """Tables of a TOML file."""
     try:
         content = regular_file(path).read_bytes()
     except OSError as error:
@@ -51,13 +45,7 @@ def read_toml(path: Path, advice: str = "check it") -> dict[str, Any]:
 
 
 def parse_toml(text: str | bytes, where: str) -> dict[str, Any]:
-    """Tables of a TOML text, which stands `where` the message says.
-
-    Raises
-    ------
-    InputError
-        Where it is no TOML.
-    """
+    """Tables of a TOML text, which stands `where` the message says."""
     try:
         return tomllib.loads(text if isinstance(text, str) else text.decode("utf-8"))
     # ValueError: no UTF-8, no TOML, or an integer with thousands of digits
@@ -227,13 +215,7 @@ def place_of(error: Any, tags: Collection[str] = ()) -> str:
 
 
 def checked(model: type[Checked], document: Mapping[str, Any], where: str) -> Checked:
-    """The document as a model of its keys.
-
-    Raises
-    ------
-    InputError
-        At the first mistake, named with `where` the document stands.
-    """
+    """The document as a model of its keys."""
     try:
         return model.model_validate(document)
     except ValidationError as invalid:
@@ -251,13 +233,7 @@ def unknown(setting: str, settings: Iterable[str]) -> str:
 
 
 def distinct(names: Sequence[str], what: str) -> None:
-    """Check that all names differ.
-
-    Raises
-    ------
-    InputError
-        With the name that is there twice.
-    """
+    """Check that all names differ."""
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError(f"two {what} are called {twice[0]!r}: give one of them another name")
@@ -299,13 +275,7 @@ def validated(settings: type[Settings]) -> type[Settings]:
 
 
 def check_settings(settings: Any) -> None:
-    """Validate the fields of a dataclass by their annotated types, see `validated`.
-
-    Raises
-    ------
-    InputError
-        At the first field whose value does not fit.
-    """
+    """Validate the fields of a dataclass by their annotated types, see `validated`."""
     model = _model_of(settings.__class__)
     for name in model.model_fields:
         value = getattr(settings, name)

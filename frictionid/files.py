@@ -34,11 +34,6 @@ def regular_file(path: Path) -> Path:
     """The path, of whatever is opened by its name: a pipe, a socket or a device is refused.
 
     They may have no end, and would be waited for. Missing files and folders are left to readers.
-
-    Raises
-    ------
-    InputError
-        Where it is one of these.
     """
     try:
         mode = path.stat().st_mode
@@ -118,6 +113,11 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def json_sha256(document: Mapping[str, Any]) -> str:
+    """SHA-256 of a document, whatever the order of its keys."""
+    return sha256(json.dumps(document, sort_keys=True).encode())
+
+
 def write_text(path: Path, text: str, *, durable: bool = False) -> None:
     """Write a text file as a whole or not at all, see `write_bytes`."""
     write_bytes(path, text.encode(), durable=durable)
@@ -127,11 +127,6 @@ def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
     """Write a file as a whole or not at all, with the permissions of new files; its folder is made.
 
     durable : it survives a power cut, too, from the moment that this returns
-
-    Raises
-    ------
-    InputError
-        Where the place cannot be written.
     """
     with written_beside(path) as beside:
         beside.write_bytes(content)
@@ -160,11 +155,6 @@ def written_beside(path: Path) -> Iterator[Path]:
     """An empty file beside a path, with its ending, that takes its place at the end.
 
     It is removed where the block fails: what stood at the path stays.
-
-    Raises
-    ------
-    InputError
-        Where the place cannot be written.
     """
     beside = path.with_name(f"{TEMPORARY}{secrets.token_hex(4)}{path.suffix[-16:]}")
     try:
@@ -214,13 +204,7 @@ def csv_text(frame: Any) -> str:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Document of a JSON file.
-
-    Raises
-    ------
-    InputError
-        Where the file is missing or holds something else.
-    """
+    """Document of a JSON file."""
     regular_file(path)
     text = " "
     try:
@@ -314,11 +298,6 @@ def is_shipped(path: Path, kind: Kind) -> bool:
 def suite_path(path: Path) -> Path:
     """The path of a suite: a file, a folder's suite.toml, or a suite's name in the package.
 
-    Raises
-    ------
-    InputError
-        Where there is none, with the nearest one.
-
     Examples
     --------
     >>> suite_path(Path("acrobot")).name
@@ -371,11 +350,6 @@ def is_table(path: Path) -> bool:
 
 def model_path(path: Path) -> Path:
     """The path of a model file; `machine:NAME` is the card of a machine that comes along.
-
-    Raises
-    ------
-    InputError
-        For a machine that there is not, with the nearest one.
 
     Examples
     --------

@@ -99,13 +99,7 @@ def _check_not_read(path: Path, inputs: Iterable[Path]) -> None:
 
 
 def check_unchanged(folder: Path, *, replace: bool = False) -> None:
-    """Check that nobody changed what was written to a result folder, unless it may be replaced.
-
-    Raises
-    ------
-    InputError
-        With the file that was changed.
-    """
+    """Check that nobody changed what was written to a result folder, unless it may be replaced."""
     for name, sums in sorted(_listed(folder).items()):
         _check_ours(folder / name, sums, replace)
 

@@ -32,8 +32,6 @@ LAYERS = (
     *("rig", "deploy"),
     "__main__",
 )
-# The simulator must not share the physics step or the laws with what is fitted: inverse crime.
-ONLY: dict[str, set[str]] = {}
 # Imports wait until they are needed there, so that --help is quick: they are no part of the order.
 LAZY = {"", "cli"}
 FACE = "api"  # it, and commands, may call the package's own public functions
@@ -117,11 +115,10 @@ def wrong_way(modules, package):
         if module.layer in LAZY or module.layer not in LAYERS:
             continue
         lower = LAYERS[: LAYERS.index(module.layer) + 1]
-        allowed = ONLY.get(module.layer, set(lower))
         for line, name in imports(module, modules, package):
             layer = name.partition(".")[0]
             is_face = module.layer == FACE or module.name.endswith(".cli")
-            if layer not in allowed and (layer or not is_face):
+            if layer not in lower and (layer or not is_face):
                 found.append(f"{module.name}:{line}: may not import {package}.{name}".rstrip("."))
             elif module.is_package and module.name and not name.startswith(f"{module.name}."):
                 found.append(

@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_002,
-    "files": 338,
-    "classes": 524,
-    "tokens of tests": 415_840,
+    "tokens": 566_213,
+    "files": 340,
+    "classes": 523,
+    "tokens of tests": 415_958,
     "words": 27_963,
 }
 NAMES = 69

@@ -91,11 +91,6 @@ def compare(
     done : function, optional
         Called with the name of each model that is finished.
 
-    Raises
-    ------
-    InputError
-        Where data, models and folds do not fit together, or no model can be fitted.
-
     Examples
     --------
     Three models on recordings of one's own, and where each of them predicts best::

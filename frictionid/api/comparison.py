@@ -74,13 +74,7 @@ class ComparedModel:
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
     ) -> float:
-        """One held-out score, pooled over the folds.
-
-        Raises
-        ------
-        InputError
-            Where there is no such score.
-        """
+        """One held-out score, pooled over the folds."""
         return score_value(self.scores, score, statistic, horizon, joint)
 
 
@@ -192,11 +186,6 @@ class Comparison(Shown, Mapping[tuple[str, str], ComparedModel]):
             "learning" of networks, "loops" of laws with memory.
         dataset : str, optional
             Where several were fitted.
-
-        Raises
-        ------
-        InputError
-            For unknown kinds, and those that these models do not have.
         """
         names = [k for k in PLOTS if k.rstrip("s") == kind.rstrip("s")]
         if not names:

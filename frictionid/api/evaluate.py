@@ -61,11 +61,6 @@ def evaluate(
     -------
     DataFrame
         One line for each score, in the columns of a comparison's scores.csv.
-
-    Raises
-    ------
-    InputError
-        Where models and data do not fit together.
     """
     named = {name: friction_of(model) for name, model in _named(models).items()}
     dataset = dataset_of(data)
@@ -95,13 +90,7 @@ def _named(models: Any) -> dict[str, Any]:
 
 
 def file_labels(files: Sequence[Path]) -> list[str]:
-    """Name of each model in tables: that of its file, or its path where two have one name.
-
-    Raises
-    ------
-    InputError
-        Where a file is named twice.
-    """
+    """Name of each model in tables: that of its file, or its path where two have one name."""
     stems = [path.stem for path in files]
     names = [s if stems.count(s) == 1 else str(p) for s, p in zip(stems, files, strict=True)]
     if len(set(names)) < len(names):
@@ -119,11 +108,6 @@ def scores_of(
     """Scores of models by their names, as in `evaluate`; `done` is called after each.
 
     files : of the models, for complaints about one of them
-
-    Raises
-    ------
-    InputError
-        With the name of the model.
     """
     prepared = prepare(dataset, protocol_for(protocol, [(dataset, None)]))
     scores = {}
@@ -173,11 +157,6 @@ def predict(
     DataFrame
         Columns recording, start_s, time_s, ahead_s; for each joint j the angle predicted qj, the
         velocity predicted wj (not of whole recordings) and the angle measured measured_qj; SI.
-
-    Raises
-    ------
-    InputError
-        Where model and data do not go together.
     """
     friction, dataset = friction_of(model), dataset_of(data)
     begin = None if start is None else number("start", start)

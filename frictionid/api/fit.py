@@ -43,11 +43,6 @@ def method_of(
 
     Parameters are those of `frictionid.fit`; the name of a recipe stands for a one-step fit by it.
 
-    Raises
-    ------
-    InputError
-        For unknown names, and settings of shooting without shooting.
-
     Examples
     --------
     >>> method_of("shooting", free=["friction", "inertia"]).blocks[1].name
@@ -158,11 +153,6 @@ def fit(
     bias : bool
         Whether intervals of a one-step fit hold the bias of smoothed states, too. It is that of a
         second fit, to the motion that the first one predicts; takes seconds.
-
-    Raises
-    ------
-    InputError
-        Where data, law and method do not fit together, or the fit fails.
 
     Examples
     --------

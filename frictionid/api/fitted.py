@@ -18,7 +18,7 @@ from frictionid.evaluation import EstimatedStates, speeds, torque_frame, velocit
 from frictionid.fitting.fit import estimates_of
 from frictionid.fitting.one_step.recipe import INTEGRAL
 from frictionid.friction import Friction
-from frictionid.friction.model_files import LAWS, save_model
+from frictionid.friction.model_files import kind_of, save_model
 from frictionid.friction.provenance import Estimates
 from frictionid.pictures import drawn
 from frictionid.report import show_fit
@@ -55,10 +55,7 @@ class Fit(Shown):
     @property
     def law(self) -> str:
         """Name of the law, as in model files."""
-        return next(
-            (name for name, law in LAWS.items() if type(self.friction.law) is law),
-            type(self.friction.law).__name__,
-        )
+        return kind_of(self.friction.law)
 
     @property
     def method(self) -> str:
@@ -219,11 +216,6 @@ class Fit(Shown):
             measured; "correlation" of the parameters of a fit by shooting.
         run, start, horizon
             Of "motion", as in `predict`; the first recording, if no run is named.
-
-        Raises
-        ------
-        InputError
-            For unknown kinds, and what this fit cannot show.
         """
         if kind not in PLOTS:
             raise InputError(f"plot: kind = {kind!r} is unknown; {nearest(kind, PLOTS)}")
@@ -249,13 +241,7 @@ class Fit(Shown):
             say(self._assumption)
 
     def save(self, path: str | Path) -> None:
-        """Write a model file (JSON), weights of a network beside it.
-
-        Raises
-        ------
-        InputError
-            Where the place cannot be written.
-        """
+        """Write a model file (JSON), weights of a network beside it."""
         save_model(self.friction, Path(path))
 
     def export(

@@ -101,11 +101,6 @@ class Machine:
 def machine(name: str) -> Machine:
     """The card of a machine that comes with the package.
 
-    Raises
-    ------
-    InputError
-        For unknown names, with the nearest one.
-
     Examples
     --------
     >>> xl330 = machine("xl330_m1")

@@ -26,13 +26,7 @@ DatasetLike = Dataset | str | Path
 
 
 def dataset_of(data: DatasetLike) -> Dataset:
-    """A data set: as it is, or read from its folder, file or name.
-
-    Raises
-    ------
-    InputError
-        For anything else, and as from `load_dataset`.
-    """
+    """A data set: as it is, or read from its folder, file or name."""
     if isinstance(data, Dataset):
         return data
     if isinstance(data, str | Path):
@@ -53,11 +47,6 @@ def identifier_of(law: Any, settings: Mapping[str, Any] | None = None) -> Identi
         its name would be, one's own by nonlinear least squares; a friction is given, and stays.
     settings : mapping, optional
         Settings of a name.
-
-    Raises
-    ------
-    InputError
-        For unknown names and settings, and anything else.
 
     Examples
     --------
@@ -163,11 +152,6 @@ def friction_of(model: Any, laws: Sequence[type[Law]] = ()) -> Friction:
     """Friction of a model: a `Fit`, a `Friction`, or a model file.
 
     laws : classes of one's own laws, where a file has one
-
-    Raises
-    ------
-    InputError
-        For anything else, and files that are no models.
     """
     if isinstance(model, str | Path):
         return load_model(Path(model), laws)
@@ -181,11 +165,6 @@ def friction_of(model: Any, laws: Sequence[type[Law]] = ()) -> Friction:
 
 def number(name: str, value: Any) -> float:
     """A number.
-
-    Raises
-    ------
-    InputError
-        Where the value is none.
 
     >>> number("horizon", 1)
     1.0
@@ -222,11 +201,6 @@ def count(name: str, value: Any) -> int:
 def laws(name: str = "") -> pd.DataFrame:
     """The friction laws of model files, with equations, parameters and units; or all of one.
 
-    Raises
-    ------
-    InputError
-        For an unknown name.
-
     Examples
     --------
     >>> laws("coulomb_viscous").loc["viscous", "unit"]
@@ -236,13 +210,7 @@ def laws(name: str = "") -> pd.DataFrame:
 
 
 def identifiers(name: str = "") -> pd.DataFrame:
-    """What `fit` and `compare` can name, with parameters and settings; or all of one.
-
-    Raises
-    ------
-    InputError
-        For an unknown name.
-    """
+    """What `fit` and `compare` can name, with parameters and settings; or all of one."""
     return _frame(kind_descriptions.identifiers(), name)
 
 

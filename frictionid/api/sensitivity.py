@@ -94,11 +94,6 @@ def sensitivity(
     done : function
         Called with the name of each fit that is finished.
 
-    Raises
-    ------
-    InputError
-        For unknown settings, or where a fit fails.
-
     Examples
     --------
     What a mass that is 10 % wrong does to a rig of one's own::

@@ -81,11 +81,6 @@ def open_suite(
     """A suite of a name, its file, the folder of its results, and that of its tables or None.
 
     Results are for report/<suite> with an ending where no folder is given.
-
-    Raises
-    ------
-    InputError
-        For unknown names and keys, or a folder that cannot be written.
     """
     if not isinstance(suite, str | Path):
         raise InputError(f"a suite is a file or a name, not a {type(suite).__name__}: see compare")

@@ -117,7 +117,7 @@ def _of_columns(measured: Measured, first: Scored, none: Scored, acting: Array) 
 
 
 def _with_torque(scored: Sequence[Scored]) -> list[Scored]:
-    """Those without units of torque that explain no more than no torque does.
+    """Conventions without units of torque that explain no more than no torque does.
 
     A wrong torque may be made small, or so large that friction takes it up: as large as `MATTERS`
     allows, which makes what is left a smaller share.

@@ -152,7 +152,7 @@ class Measured:
         return Measured(dataset, plant_of(dataset), tuple(motions), _integrals(dataset))
 
     def with_torques_of(self, dataset: Dataset) -> Measured:
-        """The same motions with the torques of a data set."""
+        """The motions with the torques of a data set."""
         return replace(self, dataset=dataset, torque=_integrals(dataset))
 
     @property

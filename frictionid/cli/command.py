@@ -77,11 +77,6 @@ def numbers(option: str, text: str, rule: str, count: int | None = None) -> list
 
     count : of numbers, where that is fixed
 
-    Raises
-    ------
-    InputError
-        Where it does not keep the rule.
-
     >>> numbers("--windows", "0.1,0.3", "be lengths in seconds, e.g. --windows 0.1,0.3")
     [0.1, 0.3]
     """

@@ -124,13 +124,7 @@ def _environment(dask_worker: Worker) -> dict[str, str]:
 
 
 def check_equal(environment: Mapping[str, str], wanted: Mapping[str, str], process: str) -> None:
-    """Check that a process has the versions that are wanted, and one thread.
-
-    Raises
-    ------
-    InputError
-        At the first difference.
-    """
+    """Check that a process has the versions that are wanted, and one thread."""
     for name, version in wanted.items():
         there = environment.get(name, "missing")
         if there != version:

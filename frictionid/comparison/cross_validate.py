@@ -102,13 +102,7 @@ class Result(NamedTuple):
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
     ) -> float:
-        """One held-out score, pooled over the folds.
-
-        Raises
-        ------
-        InputError
-            Where there is no such score.
-        """
+        """One held-out score, pooled over the folds."""
         return score_value(self.scores, score, statistic, horizon, joint)
 
 
@@ -138,11 +132,6 @@ def prepare_benchmark(
     """States, problems, training rows, initial states and calibrations of a benchmark.
 
     jobs : number of folds that are calibrated side by side
-
-    Raises
-    ------
-    InputError
-        Where recordings, folds and protocol do not fit together.
     """
     prepared = prepare(benchmark.dataset, benchmark.protocol)
     # these complain where no fold holds out enough motion to predict
@@ -171,11 +160,6 @@ def run(
     seed : int
     shared : PreparedBenchmark, optional
         Of the benchmark, where it has been prepared before.
-
-    Raises
-    ------
-    InputError
-        Where data, folds and settings do not fit together, or the fit fails.
     """
     check_method(recipe, identifier)
     clock = [time.perf_counter()]

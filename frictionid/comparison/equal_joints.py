@@ -69,11 +69,6 @@ def _parts(identifier: Any) -> dict[str, Identifier]:
 def groups_of(equal: Sequence[Sequence[str | int]], joints: Sequence[str]) -> Groups:
     """Groups of joints by their numbers from 1, of names or numbers.
 
-    Raises
-    ------
-    InputError
-        For unknown names.
-
     >>> groups_of([["hip", "knee"], [3, 4]], ["hip", "knee", "left", "right"])
     ((1, 2), (3, 4))
     """
@@ -150,13 +145,7 @@ def _covariance(fit: Fit) -> tuple[Array, int]:
 
 
 def check_units(friction: Friction, equal: Groups) -> None:
-    """Refuse joints that turn beside joints that slide.
-
-    Raises
-    ------
-    InputError
-        Naming the group.
-    """
+    """Refuse joints that turn beside joints that slide."""
     for group in equal:
         if len({friction.units_at(j - 1) for j in group}) > 1:
             named = " and ".join(map(str, group))

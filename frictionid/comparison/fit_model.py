@@ -100,11 +100,6 @@ def fit_model(
     the recipe shoots, it has the whole result as `refined`, see `Estimates`; of sparse laws, the
     `equation`.
 
-    Raises
-    ------
-    InputError
-        Where data, identifier and recipe do not fit together, or the fit fails.
-
     Examples
     --------
     Friction of one's own recordings::

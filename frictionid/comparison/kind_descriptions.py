@@ -142,13 +142,7 @@ def identifiers() -> list[KindDescription]:
 
 
 def described(kinds: Iterable[KindDescription], name: str) -> KindDescription:
-    """The description of a name among others.
-
-    Raises
-    ------
-    InputError
-        Where there is none of this name, with the nearest.
-    """
+    """The description of a name among others."""
     by_name = {kind.name: kind for kind in kinds}
     if name not in by_name:
         raise InputError(f"{name!r} is unknown; {nearest(name, by_name)}")

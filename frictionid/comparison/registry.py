@@ -125,13 +125,7 @@ class Kind(NamedTuple):
             raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
 
     def values(self, table: Mapping[str, Any]) -> dict[str, Any]:
-        """Values of a table's settings, of the types that the parts declare.
-
-        Raises
-        ------
-        InputError
-            As from `build`.
-        """
+        """Values of a table's settings, of the types that the parts declare."""
         parts = self._chosen(table)
         arguments = self._arguments(parts)
         # settings of parts that other choices lead to, by the first such choice
@@ -188,13 +182,7 @@ def _same(setting: Any, value: bool | str) -> bool:
 
 
 def built(table: Mapping[str, Any], kinds: Mapping[str, Kind], where: str) -> Any:
-    """What the kind that the key `kind` names makes of the other keys of a table.
-
-    Raises
-    ------
-    InputError
-        For a kind or setting that is unknown, or a value that does not fit.
-    """
+    """What the kind that the key `kind` names makes of the other keys of a table."""
     if not isinstance(table.get("kind"), str):
         raise InputError(f"{where}: the key 'kind' is missing; {nearest('', kinds)}")
     kind = table["kind"]

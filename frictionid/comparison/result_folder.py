@@ -5,7 +5,6 @@ unfinished/   a comparison that runs or was interrupted: its provenance.json, da
 Finished tasks are never deleted but by `replace`. Each carries the hash of its own content.
 """
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -15,7 +14,14 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from frictionid.errors import InputError
-from frictionid.files import plain, read_json, remove_unfinished, sha256, sync_folder, write_json
+from frictionid.files import (
+    json_sha256,
+    plain,
+    read_json,
+    remove_unfinished,
+    sync_folder,
+    write_json,
+)
 from frictionid.outputs import check_unchanged, linked
 
 Document = Mapping[str, Any]  # as JSON has it
@@ -105,13 +111,7 @@ def place_of(folder: Path, name: str) -> Path:
 
 
 def read_sealed(path: Path) -> dict[str, Any]:
-    """Document of a file, as it was written.
-
-    Raises
-    ------
-    InputError
-        Where it cannot be read, or was changed.
-    """
+    """Document of a file, as it was written."""
     try:
         document = read_json(path)
     except InputError as error:
@@ -131,7 +131,7 @@ def sealed(document: Document) -> dict[str, Any]:
     (True, False)
     """
     content = {key: value for key, value in plain(document).items() if key != SEAL}
-    return {SEAL: _hash(content), **content}
+    return {SEAL: json_sha256(content), **content}
 
 
 def write_sealed(path: Path, document: Document, indent: int | None = None) -> None:
@@ -150,11 +150,7 @@ def finished(path: Path, digest: str) -> dict[str, Any] | None:
 
 def is_sealed(document: Document) -> bool:
     """Whether a document has the content that it was sealed with."""
-    return document.get(SEAL) == _hash({k: v for k, v in document.items() if k != SEAL})
-
-
-def _hash(content: Document) -> str:
-    return sha256(json.dumps(content, sort_keys=True).encode())
+    return document.get(SEAL) == json_sha256({k: v for k, v in document.items() if k != SEAL})
 
 
 def _tasks(folder: Path, suite: str, replace: bool) -> list[str]:

@@ -244,13 +244,7 @@ def _drop_half_line(path: Path) -> None:
 
 @contextmanager
 def readable_journal(folder: Path) -> Iterator[None]:
-    """Whatever Optuna lets through of wrong lines of the journal becomes one line.
-
-    Raises
-    ------
-    InputError
-        With the way out.
-    """
+    """Whatever Optuna lets through of wrong lines of the journal becomes one line."""
     try:
         yield
     except (InputError, OSError):

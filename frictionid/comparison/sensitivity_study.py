@@ -99,11 +99,6 @@ def sensitivity_cases(
     """Cases of a suite, by its `sensitivity` settings; the nominal one of each task first.
 
     Recipes that shoot come twice, with base parameters ("inertia") held and free.
-
-    Raises
-    ------
-    InputError
-        For unknown names, settings that do not fit, data that cannot be read.
     """
     settings = suite.sensitivity
     tasks = [task for task in tasks_of(suite, file, data, trust=trust) if not task.identifier.fixed]
@@ -175,11 +170,6 @@ def run_cases(
     """Frame of the results, see `result_frame`; each is one file of the folder, written whole.
 
     Files of the same digest are kept. Without a folder nothing is written.
-
-    Raises
-    ------
-    InputError
-        Where a fit fails, with its variation.
     """
     kept = {c.file: folder and finished(folder / c.file, c.digest) for c in cases}
     results = {file: result for file, result in kept.items() if result}

@@ -133,13 +133,7 @@ class Suite(Strict):
 
 
 def load_suite(path: Path) -> Suite:
-    """Suite of a TOML file, its keys and types checked.
-
-    Raises
-    ------
-    InputError
-        With the file, the key and the nearest known one.
-    """
+    """Suite of a TOML file, its keys and types checked."""
     tables = read_toml(suite_path(path))
     if "mechanism" in tables:
         raise InputError(
@@ -167,11 +161,6 @@ def identifier_of(
     """Identifier of a suite's table; its kind may be of a module beside the suite, or installed.
 
     Such code runs with `trust` only.
-
-    Raises
-    ------
-    InputError
-        For unknown kinds, settings and recipes, and whatever the identifier itself complains about.
     """
     where = f"identifier {entry.label!r}"
     check_recipes(entry.recipes or (), recipes, where)
@@ -186,13 +175,7 @@ def identifier_of(
 
 
 def check_recipes(names: Sequence[str], recipes: Sequence[Method], where: str) -> None:
-    """Check that a suite has the recipes of these names.
-
-    Raises
-    ------
-    InputError
-        With the nearest known name.
-    """
+    """Check that a suite has the recipes of these names."""
     suite_recipes = [recipe.name for recipe in recipes]
     for name in names:
         if name not in suite_recipes:
@@ -264,11 +247,6 @@ def tasks_of(
         Folder with the tables of its one data set.
     trust : bool
         Whether code that the suite and its data sets name by its module may run.
-
-    Raises
-    ------
-    InputError
-        For unknown names, settings that do not fit, data that cannot be read.
     """
     folder = file.parent
     with located(str(file)):

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from joblib import cpu_count
 
-from frictionid.errors import InputError, NoFitError, located
+from frictionid.errors import InputError, NoFitError, located, needs
 from frictionid.evaluation import HorizonErrors
 from frictionid.files import sha256
 from frictionid.fitting.fit import own_base
@@ -96,11 +96,6 @@ def prepare_benchmarks(
 
     jobs : number of folds that are calibrated side by side, 0 for one per core
     kept : folders with earlier results, as in `run_tasks`: what they have needs no calibration
-
-    Raises
-    ------
-    InputError
-        Where recordings, folds and protocol do not fit together.
     """
     benchmarks = {task.benchmark.dataset.name: task.benchmark for task in tasks}
     recipes: dict[str, dict[str, Method]] = {name: {} for name in benchmarks}
@@ -177,11 +172,6 @@ def results_of(
 
     jobs : 0 for one per core
     dask : address of the scheduler of a cluster, whose workers run the tasks in place of these
-
-    Raises
-    ------
-    InputError
-        Where data or settings are wrong, with the task's name.
     """
     groups = sorted(_alike(tasks), key=lambda group: _effort(group[0]), reverse=True)
     # tasks of one benchmark share its data, which travel once
@@ -193,12 +183,8 @@ def results_of(
     if dask is None or not calls:
         results = side_by_side(_run, calls, jobs or cpu_count())
     else:
-        try:
+        with needs("dask"):
             from .cluster import on_cluster
-        except ModuleNotFoundError as error:
-            raise InputError(
-                f"a cluster needs the package {error.name}: pip install 'frictionid[dask]'"
-            ) from None
         results = on_cluster(_run, calls, dask)
     for i, result in results:
         for task in groups[i]:

@@ -246,11 +246,6 @@ def variations_of(dataset: Dataset, settings: SensitivitySettings) -> tuple[Vari
 
     A tilt is left out where the first joint slides, delay and gain where there is no torque, fewer
     recordings where there is one only.
-
-    Raises
-    ------
-    InputError
-        Where the mechanism has no parameter of a name.
     """
     names = settings.parameters
     names = list(sensitive_parameters(dataset)) if names is None else names

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
 
 _APART = 1e-6  # of the no-load speed, by which the knee is below it at least
 
@@ -96,19 +95,8 @@ class Reached(NamedTuple):
 
     @property
     def envelope(self) -> Envelope | None:
-        """The envelope, where all of it is reached.
-
-        Raises
-        ------
-        InputError
-            Where it falls to zero below its knee, as files of early versions may say.
-        """
+        """The envelope, where all of it is reached."""
         parts = [part.value for part in (self.peak, self.knee, self.no_load) if part]
-        if len(parts) == 3 and parts[2] <= max(parts[1], 0.0):
-            raise InputError(
-                f"torque {self.joint}: its no-load speed, {parts[2]:.3g} rad/s, is not above its "
-                f"knee, {parts[1]:.3g} rad/s: fit again"
-            )
         return Envelope(*parts) if len(parts) == 3 else None
 
     @property

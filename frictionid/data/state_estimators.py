@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from frictionid.arrays import MAD, Array, usual_step
+from frictionid.arrays import Array, scatter, usual_step
 from frictionid.errors import InputError
 
 from .kalman import by_length, causal_states
@@ -243,7 +243,7 @@ def _with_noise(states: States, angle: Signal, rho: Array) -> States:
     the resolution of the angles.
     """
     _, share, velocity = noise_left(rho, usual_step(angle.time))
-    off = MAD * np.median(np.abs(angle.value - states.q), axis=0)
+    off = scatter(angle.value - states.q)
     noise = off / np.sqrt(1.0 - np.minimum(share, 0.9))
     noise = np.maximum(noise, resolutions(angle.value) / np.sqrt(12)) * velocity
     return states._replace(noise=noise)

@@ -44,13 +44,7 @@ def check_step(dt: Any, where: str) -> None:
 
 
 def per_joint(x: Any, n: int, theta: Array, where: str) -> Array:
-    """Numbers (..., n) as an array like theta; `where` names the function and the argument.
-
-    Raises
-    ------
-    InputError
-        For another number of joints, or what is no number.
-    """
+    """Numbers (..., n) as an array like theta; `where` names the function and the argument."""
     out = numbers_like(x, theta, where)
     if out.ndim == 0 or out.shape[-1] != n:
         raise InputError(

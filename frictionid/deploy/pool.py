@@ -114,13 +114,7 @@ class Pooled:
         return replace(self.friction, theta=theta, constraints=None)
 
     def save(self, path: str | Path) -> None:
-        """Write a model file (JSON).
-
-        Raises
-        ------
-        InputError
-            Where the place cannot be written.
-        """
+        """Write a model file (JSON)."""
         save_model(self.friction, Path(path))
 
     @property

@@ -107,13 +107,7 @@ def _alike(groups: Mapping[Key, Sequence[Row]], key: Key, equal: Groups) -> Sequ
 def place_of(
     friction: Friction, block: str, name: str, joint: int | None
 ) -> tuple[int, int] | None:
-    """Place in theta (n, P) of a parameter of the law; None of others.
-
-    Raises
-    ------
-    InputError
-        Where the law has none of this name.
-    """
+    """Place in theta (n, P) of a parameter of the law; None of others."""
     if block != "friction" or joint is None:
         return None
     if name not in friction.law.names:

@@ -105,11 +105,6 @@ class Simulator:
         """A state with positions q and velocities w (..., n), zero where they are not given.
 
         Memory of friction starts with the first step.
-
-        Raises
-        ------
-        InputError
-            For arrays of another shape, or what is no number.
         """
         q, w = self._joints("q", q), self._joints("w", w)
         return State(*namespace(q).broadcast_arrays(q, w))

@@ -212,7 +212,7 @@ def _displaced(
 def memory_after_sample(
     model: MotionModel, nodes: Array, T: Array, motor: MotorTorque, dt: Array
 ) -> tuple[Array, Array]:
-    """The same after the sample, which the memory z takes in with the torque that follows.
+    """Nodes and T after a sample, which memory z takes in with the torque that follows.
 
     z' = advance(theta, x, z),    dz' = dz'/dx dx + dz'/dz dz + dz'/dtheta dtheta
 

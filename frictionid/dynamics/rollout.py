@@ -51,11 +51,6 @@ def rollout(
     base_motion : array, shape (T, ..., 9), or None
         Motion of a floating base in each interval, see `Plant.on_base`.
 
-    Raises
-    ------
-    InputError
-        For an unknown method.
-
     Examples
     --------
     >>> from frictionid.friction.laws import CoulombViscous

@@ -257,7 +257,7 @@ def swept_torque(now: Balance, W: Array, Tf: Array, candidates: Array) -> Array:
 
 
 def _swept_in_place(now: Balance, W: Array, f: Array, Tf: Array, candidates: Array) -> Array:
-    """The same, a third of the time for arms; torch and traced programs take no assignments."""
+    """`swept_torque` in a third of the time for arms; tensors and traces take no assignments."""
     for j in range(Tf.shape[-1]):
         a = (W[..., j, :] * (f - Tf)).sum(axis=-1)
         held = np.maximum(Tf[..., j] + a / W[..., j, j], -now.low[..., j])

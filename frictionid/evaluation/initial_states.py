@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import MAD, Array, usual_step
+from frictionid.arrays import Array, scatter, usual_step
 from frictionid.data.integrals import averages, pieces_of
 from frictionid.data.plants import Calibration, on_recorded_base
 from frictionid.data.recordings import Dataset, Recording
@@ -333,7 +333,7 @@ def preceding_samples(
     edges = part.time[:, None] + part.dt[:, None] * share
     u = pieces_of(drive.torque, part.recording, edges).mean
     loop = None if drive.loop is None else drive.loop.feedback[index]
-    sigma = MAD * np.median(np.abs(intervals.before - intervals.q), axis=0)
+    sigma = scatter(intervals.before - intervals.q)
     return SampleWindows(part, windows, u * dataset.actuated, np.maximum(sigma, 1e-6), loop)
 
 

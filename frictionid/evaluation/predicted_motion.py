@@ -183,7 +183,7 @@ def ranked_examples(
     use: Array,
     band: Callable[[Array], Array] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """The same from the best, the median and the worst start, with what is drawn of them.
+    """Motion from the best, the median and the worst start, with what is drawn of them.
 
     Of starts from which a joint moves, where there are so many: rest is predicted best.
 
@@ -333,13 +333,7 @@ def predicted_motion(
 
 
 def check_joints(friction: Friction, dataset: Dataset) -> None:
-    """Refuse a friction that is not of as many joints as the data.
-
-    Raises
-    ------
-    InputError
-        With both numbers.
-    """
+    """Refuse a friction that is not of as many joints as the data."""
     joints = len(dataset.mechanism.friction_names)
     if friction.theta.ndim != 2 or friction.n != joints:
         raise InputError(

@@ -150,7 +150,7 @@ class Prepared:
 
     @cached_property
     def true_initial_states(self) -> InitialStates | None:
-        """The same from the true states, where these are wanted and known."""
+        """Initial states, the true ones, where these are wanted and known."""
         wanted = self.protocol.true_initial_states
         true = true_states(self.dataset, self.causal) if wanted else None
         return None if true is None else self._initial_states(true)

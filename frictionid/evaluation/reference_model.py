@@ -82,7 +82,7 @@ class Factor(NamedTuple):
 
     @property
     def turned(self) -> "Factor":
-        """That of the other model."""
+        """Factor of the other model."""
         low, high = 1.0 / self.high, 1.0 / self.low
         return Factor(1.0 / self.value, low, high, self.better, self.worse, self.recordings)
 
@@ -167,7 +167,7 @@ def _signed(test: CorrelatedTest) -> Factor:
 
 
 def _positive(test: CorrelatedTest) -> Factor:
-    """The same of a logarithm that is positive, as a mean square is: few recordings skew it.
+    """The factor of a logarithm that is positive, as a mean square is: few recordings skew it.
 
     It is its own logarithm that is as likely on either side.
     """

@@ -67,11 +67,6 @@ def score_value(
 ) -> float:
     """One value of a score frame.
 
-    Raises
-    ------
-    InputError
-        Where there is no such score.
-
     Examples
     --------
     >>> frame = score_frame([["all", "rollout_angle", "median", 0.5, "all", 0.02, "rad"]])

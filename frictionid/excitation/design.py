@@ -105,7 +105,7 @@ def search_signals(experiment: Experiment, search: Search, done: Done) -> tuple[
 
 
 def simulated(experiment: Experiment, x: Array, seed: int) -> Pool | None:
-    """Those of the signals that keep the limits, None where none does."""
+    """Pool of the signals that keep the limits, None where none does."""
     torque, start = experiment.torque_of(x), experiment.start_of(x)
     motions = predict_motions(experiment, torque, start, quick=True)
     kept = np.flatnonzero(motions.within(experiment))

@@ -115,11 +115,6 @@ def prior_friction_of(values: Named, limits: Limits) -> Friction:
 
     That share is each joint's Coulomb friction, and its viscous friction at the velocity limit.
 
-    Raises
-    ------
-    InputError
-        For an unknown name or a number that is not possible.
-
     Examples
     --------
     >>> limits = Limits(np.array([0.0, 0.2]), np.array([10.0, 20.0]), np.array([np.inf, np.inf]))
@@ -293,11 +288,6 @@ def load_mechanism(path: Path) -> dict[str, Any]:
     """The [mechanism] table of a TOML file, or of the dataset.toml of a folder.
 
     The file of a robot counts from the folder of the TOML file.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be read or has no such table.
     """
     file = path / "dataset.toml" if path.is_dir() else path
     document = read_toml(file, "name a file with a [mechanism] table")

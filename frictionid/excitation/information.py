@@ -121,7 +121,7 @@ def smoother_gains(samples: int, dt: float, decade: float) -> tuple[csr_array, c
 
 
 def _banded(response: Array, samples: int) -> csr_array:
-    """The same response at the ends of a longer recording, its middle row between them."""
+    """The response at the ends of a longer recording, its middle row between them."""
     size = len(response)
     half = size // 2
     out = lil_array((samples, samples))

@@ -75,7 +75,7 @@ class Covariance:
 
     @property
     def each(self) -> "Covariance":
-        """The same with a shared parameter at each of its places, correlated by one."""
+        """The covariance with a shared parameter at each of its places, correlated by one."""
         at = np.repeat(np.arange(len(self.values)), [len(p.places) for p in self.parameters])
         if len(at) == len(self.values):
             return self

@@ -18,7 +18,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, picked
 
 _FIRST, _DAMPING = 1e-6, (1e-9, 1e9)  # of unit diagonals: at first, least and most
 _NOTHING = 1e-200  # information below this leaves no trace: products of it underflow
@@ -39,10 +39,6 @@ class Conditions(NamedTuple):
     mean: Array
     precision: Array
     floor: Array
-
-    def at(self, fits: Array) -> "Conditions":
-        """Those of some of the fits."""
-        return Conditions(*(field[fits] for field in self))
 
     def prior_cost(self, x: Array) -> Array:
         """Squares (F,) of the priors."""
@@ -94,10 +90,6 @@ class _State(NamedTuple):
     secant: Array
     damping: Array
 
-    def at(self, rows: Array) -> "_State":
-        """State of some of the fits."""
-        return _State(*(field[rows] for field in self))
-
 
 def minimum(
     problem: Problem,
@@ -121,9 +113,9 @@ def minimum(
     state = _State(which, x, residual, cost, descent, hessian, secant, damping)
     x, residual, converged = x.copy(), residual.copy(), np.zeros(len(x), dtype=bool)
     while len(which) and count < iterations:
-        state, small, stuck = _next(problem, state, under.at(which), tolerance, still)
+        state, small, stuck = _next(problem, state, picked(under, which), tolerance, still)
         x[which], residual[which], converged[which] = state.x, state.residual, small
-        state, count = state.at(~(small | stuck)), count + 1
+        state, count = picked(state, ~(small | stuck)), count + 1
         which = state.which
     return Minimum(x, residual, count, converged)
 
@@ -152,7 +144,7 @@ def _next(
     )
     moved = np.flatnonzero(better & ~small)
     stuck = ~better & (state.damping >= _DAMPING[1])
-    return _with_equations(problem, state, new, moved, under.at(moved)), small, stuck
+    return _with_equations(problem, state, new, moved, picked(under, moved)), small, stuck
 
 
 def _where(rows: Array, values: Array, others: Array | float) -> Array:
@@ -197,7 +189,7 @@ def _with_equations(
     """
     if not len(moved):
         return after
-    part, start = after.at(moved), before.at(moved)
+    part, start = picked(after, moved), picked(before, moved)
     descent, hessian = _equations(problem, part.x, part.residual, under)
     d = part.x - start.x
     y = start.descent - descent - np.einsum("fij,fj->fi", hessian + part.secant, d)
@@ -206,7 +198,7 @@ def _with_equations(
     clear = np.abs(product) > _CLEAR * size
     factor = np.where(clear, 1.0 / np.where(clear, product, 1.0), 0.0)
     secant = part.secant + factor[:, None, None] * y[:, :, None] * y[:, None, :]
-    out = after.at(np.arange(len(after.which)))  # a copy
+    out = picked(after, np.arange(len(after.which)))  # a copy
     out.descent[moved], out.hessian[moved], out.secant[moved] = descent, hessian, secant
     return out
 

@@ -5,7 +5,7 @@ free, and the standard deviation of its prior in between.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -190,6 +190,11 @@ def check_fixed(fixed: Sequence[str], names: Sequence[str], what: str, block: st
             raise InputError(
                 f"block {block!r}: {what} {name!r} to fix; known are {', '.join(names)}"
             )
+
+
+def have_prior(parameters: Mapping[str, Sequence[Parameter]]) -> bool:
+    """Whether a free parameter of the blocks, by their names, has a prior."""
+    return any(np.isfinite(p.tolerance) for group in parameters.values() for p in group)
 
 
 def with_excess(

@@ -82,7 +82,7 @@ class Constraints:
     equal: Groups = ()
 
     def at(self, index: Any) -> "Constraints":
-        """Those at an index into the batch axes."""
+        """Constraints at an index into the batch axes."""
         arrays = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name != "equal"}
         return replace(self, **arrays)
 

@@ -312,7 +312,7 @@ def memory_along(friction: Friction, nodes: Nodes) -> list[Memory]:
 
 
 def _stepped(law: Law, theta: Array, nodes: Nodes) -> list[Memory]:
-    """The same step by step; theta broadcasts against the recordings' inputs (R, n)."""
+    """Memory step by step; theta broadcasts against the recordings' inputs (R, n)."""
     every = 1 if law.sample_time is None else nodes.per_sample
     index = _padded(nodes).T
     x, time = _take(nodes.inputs, index[::every]), nodes.time[index[::every]]

@@ -112,10 +112,14 @@ def _load_unit(document: Mapping[str, Any], where: str) -> str:
 
 def _law_table(law: Law) -> dict[str, Any]:
     """Kind and settings of a law; one within another, as in an ensemble, is such a table itself."""
-    kind = law.kind if LAWS.get(law.kind) is type(law) else type(law).__name__
     names = (field.name for field in fields(law) if field.name not in law.left_out_of_files)
     settings = {name: _setting(getattr(law, name)) for name in names}
-    return {"kind": kind, **settings}
+    return {"kind": kind_of(law), **settings}
+
+
+def kind_of(law: Law) -> str:
+    """Name of a law in model files: that in `LAWS`, else its class's."""
+    return law.kind if LAWS.get(law.kind) is type(law) else type(law).__name__
 
 
 def _setting(value: Any) -> Any:
@@ -212,11 +216,6 @@ def load_model(path: Path, own_laws: Sequence[type[Law]] = ()) -> Friction:
 
     A file written by hand may leave out `theta` and give `joints` only. Parameter files of BAM are
     read, too, see `bam_files`; `machine:NAME` is a card, see `frictionid.machines`.
-
-    Raises
-    ------
-    InputError
-        With the file, the rule and the value.
     """
     path = model_path(path)
     document = read_json(path)

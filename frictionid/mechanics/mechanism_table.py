@@ -68,11 +68,6 @@ def mechanism_of(table: Mapping[str, Any], code: Code | None = None) -> Mechanis
 def as_mechanism(mechanism: Any) -> Mechanism:
     """A mechanism as it is, and that of a [mechanism] table.
 
-    Raises
-    ------
-    InputError
-        For anything else, and as from `mechanism_of`.
-
     >>> as_mechanism(pendulum(mass=0.5))
     pendulum(mass=0.5)
     """

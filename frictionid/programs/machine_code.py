@@ -54,7 +54,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def kept(function: Callable[..., Any]) -> Any:
-    """The same for functions that compiled ones call, too long to be compiled for each of them."""
+    """Compiled functions that others call, too long to be compiled for each of them."""
     try:
         fast = numba.njit(cache=True, error_model="numpy")(function)
     except RuntimeError:  # no such folder

@@ -137,7 +137,7 @@ def _dissipation(where: str, velocity: Array, curves: Array, joints: _Joints) ->
 
 
 def _extrapolation(model: Model, joints: _Joints) -> _Answer:
-    """The same half as fast again as the curves reach, where most laws have seen nothing."""
+    """Dissipation half as fast again as the curves reach, where most laws have seen nothing."""
     if model.beyond is None:
         return NOT_EVALUATED, "the folder has no extrapolated curves"
     if not np.isfinite(model.beyond.curves).all():

@@ -217,7 +217,7 @@ class SummaryData:
 
     @property
     def novelty(self) -> str:
-        """The same in words."""
+        """`held_out` in words."""
         return "held out" if self.held_out else "never seen"
 
     @property

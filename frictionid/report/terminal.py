@@ -69,7 +69,7 @@ def printed(show: Callable[[], object]) -> str:
 
 
 def printed_html(show: Callable[[], object]) -> str:
-    """The same as HTML, in the colours of a terminal."""
+    """What a function prints as HTML, in a terminal's colours."""
     recorder = _recorded(show)
     style = "white-space:pre;overflow-x:auto;font-family:monospace;line-height:1.25"
     return str(

@@ -321,13 +321,7 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
 
 
 def check_requirement(requirement: str) -> None:
-    """Check a requirement before anything is computed: a kind of verdict, or QUESTION=ANSWER.
-
-    Raises
-    ------
-    InputError
-        Where it is neither.
-    """
+    """Check a requirement before anything is computed: a kind of verdict, or QUESTION=ANSWER."""
     question, equals, _ = requirement.partition("=")
     allowed = QUESTIONS if equals else KINDS
     if question not in allowed:

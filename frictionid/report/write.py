@@ -18,7 +18,7 @@ from frictionid.arrays import rms
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.results import Results, reduction
 from frictionid.evaluation import Split
-from frictionid.files import plain, sha256
+from frictionid.files import json_sha256, plain
 from frictionid.outputs import replace_files
 
 from .candidates import family_table
@@ -79,7 +79,7 @@ def _contents(results: Results, jobs: int) -> dict[str, bytes]:
         "parts": parts,
         "warnings": warning_lines(results, sections),
         "provenance": results.provenance,
-        "digest": _digest,
+        "digest": json_sha256,
         "recipes": {m.recipe: m for s in sections for m in s.models if m.recipe},
         "identifiers": {m.identifier: m for s in sections for m in s.models},
         "plotly": base64.b64encode(plotly_script()).decode(),
@@ -110,11 +110,6 @@ def _drawn(figure: Any) -> dict[str, bytes]:
 
 
 # --- What summary and page show -------------------------------------------------------------------
-
-
-def _digest(hashes: Mapping[str, str]) -> str:
-    """SHA-256 over the hashes of all files of a data set."""
-    return sha256(json.dumps(hashes, sort_keys=True).encode())
 
 
 def _images(exhibits: Mapping[Any, Exhibits], drawn: Mapping[str, bytes]) -> dict[str, str]:

@@ -131,11 +131,6 @@ class Logger:
 
     append : whether to continue an existing file
     show : is called with the counts, and whether the port is there, whenever lines may have come
-
-    Raises
-    ------
-    InputError
-        Where port or file cannot be opened.
     """
 
     def __init__(

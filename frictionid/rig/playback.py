@@ -82,13 +82,7 @@ def load_signal(path: Path, rig: RigSettings) -> Signal:
 
 
 def torque_of(dataset: Dataset, name: str = "") -> Signal:
-    """Torque of the driven joints of a recording, by default the first one, on the angles' span.
-
-    Raises
-    ------
-    InputError
-        Where there is no recording of that name.
-    """
+    """Torque of the driven joints of a recording, by default the first one, on the angles' span."""
     recording = dataset[name] if name else dataset.recordings[0]
     driven = np.array(dataset.mechanism.driven)
     torque, last = recording.torque, float(recording.angle.time[-1])

@@ -290,13 +290,7 @@ def load_rig_settings(path: str | Path) -> RigSettings:
 
 
 def rig_tables(path: Path) -> dict[str, Any]:
-    """All tables of a rig.toml.
-
-    Raises
-    ------
-    InputError
-        Where the file is missing or no TOML, or a table is misspelt.
-    """
+    """All tables of a rig.toml."""
     if not path.is_file():
         raise InputError(f"{path} does not exist; name the rig.toml with --rig")
     document = read_toml(path)
@@ -309,11 +303,6 @@ def rig_tables(path: Path) -> dict[str, Any]:
 
 def rig_settings_of(document: dict[str, Any], file: str) -> RigSettings:
     """Settings of a parsed rig.toml; `file` is its name in errors.
-
-    Raises
-    ------
-    InputError
-        Where constants are missing, or a value is not possible.
 
     Examples
     --------

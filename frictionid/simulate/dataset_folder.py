@@ -34,13 +34,7 @@ Settings = TypeVar("Settings")
 
 
 def load_rig(path: str | Path) -> Rig:
-    """Rig of a rig.toml.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be read, or a key is unknown or missing, or a value is not possible.
-    """
+    """Rig of a rig.toml."""
     document = read_toml(Path(path), "name a rig.toml")
     return rig_of(_beside(document, Path(path).parent), str(path))
 
@@ -150,11 +144,6 @@ def write_dataset(
         none.
     replace : bool
         Whether files may be replaced that are not of an earlier set, or were changed.
-
-    Raises
-    ------
-    InputError
-        Where such a file is in the way, or the folder cannot be written.
     """
     for name, content in (others or {}).items():
         write_bytes(Path(folder) / name, content)

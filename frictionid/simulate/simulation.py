@@ -87,7 +87,7 @@ def _driven(rig: Rig, seed: int, time: Array) -> tuple[list[Signal], Array]:
 
 
 def _tracked(rig: Rig, seed: int, time: Array) -> tuple[list[Signal], Array]:
-    """The same under the position controller."""
+    """`_driven` under the position controller."""
     assert rig.controller is not None
     system, references = true_system(rig, seed), [run.references for run in rig.recordings]
     nominal, drive = Plant.from_parameters(nominal_mechanism(rig), {}), rig.drive

@@ -111,7 +111,7 @@ def test_a_wrong_address_is_one_line(monkeypatch, complaint, address, line):
 def test_dask_that_is_not_installed_is_one_line(monkeypatch, complaint):
     monkeypatch.delitem(sys.modules, "frictionid.comparison.cluster")
     monkeypatch.setitem(sys.modules, "distributed", None)
-    said = "frictionid: a cluster needs the package distributed: pip install 'frictionid[dask]'\n"
+    said = "frictionid: distributed is not installed: pip install 'frictionid[dask]'\n"
     assert_one_line(complaint("--dask", "127.0.0.1:1"), said)
 
 

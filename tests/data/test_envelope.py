@@ -8,7 +8,7 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 import frictionid as fid
-from frictionid.data.envelope import Envelope, Estimated, Reached, of_motor
+from frictionid.data.envelope import Envelope, of_motor
 from frictionid.data.servo import Servo, position_control
 from frictionid.data.signals import Signal
 
@@ -114,10 +114,3 @@ peak_torque = 0.8; knee_speed = 4.0; no_load_speed = 12.0; kt = 1.0; R = 1.0; ou
 def test_half_an_envelope_is_one_clear_line(wrong, words):
     with assert_refused(words):
         envelope(**changes(wrong))
-
-
-@pytest.mark.parametrize("no_load", [-3.8e16, 4.0])
-def test_a_fall_to_zero_below_the_knee_is_refused(no_load):
-    parts = [Estimated(value, 0.1) for value in (1.2, 4.0, no_load)]
-    with assert_refused("is not above its knee, 4 rad/s: fit again"):
-        _ = Reached(1, *parts, 1.2, 0.3, 60.0, 1.2).envelope

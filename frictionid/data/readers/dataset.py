@@ -55,11 +55,6 @@ def load_dataset(
     -------
     Dataset
         Angles, torques and velocities in SI units, each on the clock of its file.
-
-    Raises
-    ------
-    InputError
-        Where a file is missing or damaged, or does not hold what dataset.toml says.
     """
     file = dataset_path(Path(path))
     document = read_toml(file)
@@ -151,13 +146,7 @@ def _mechanism(
 
 
 def dataset_files(path: str | Path, data: str | Path | None = None) -> list[Path]:
-    """Files that `load_dataset` reads: dataset.toml, its tables, what describes the mechanism.
-
-    Raises
-    ------
-    InputError
-        Where dataset.toml is damaged, or its tables are missing.
-    """
+    """Files that `load_dataset` reads: dataset.toml, its tables, what describes the mechanism."""
     file = dataset_path(Path(path))
     toml = check_dataset_toml(read_toml(file), str(file))
     folder, names = _tables(toml, file, data)

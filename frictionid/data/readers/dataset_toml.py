@@ -318,11 +318,6 @@ def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:
     document : dict, as ``tomllib`` returns it
     file : str, for errors
 
-    Raises
-    ------
-    InputError
-        Where a key is unknown or missing, or its value has the wrong type or range.
-
     Examples
     --------
     >>> check_dataset_toml({"nane": "rig"}, "dataset.toml")

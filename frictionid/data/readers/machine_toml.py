@@ -174,13 +174,7 @@ class Actuator(Strict):
         check_per_joint({f"actuator.{key}": getattr(self, key) for key in keys}, joints)
 
     def check_recordings(self, names: Sequence[str], where: str) -> None:
-        """Check that each pattern of `recordings` is of some recording.
-
-        Raises
-        ------
-        InputError
-            With the first that is not.
-        """
+        """Check that each pattern of `recordings` is of some recording."""
         for pattern in self.recordings:
             if not any(name == pattern or fnmatchcase(name, pattern) for name in names):
                 raise InputError(

@@ -279,11 +279,6 @@ Writer = Callable[[ExportedFriction, ExportSettings], Written]
 def writer_of(name: str) -> Writer:
     """Function `write` of a format.
 
-    Raises
-    ------
-    InputError
-        For unknown formats.
-
     >>> writer_of("pyton")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     frictionid.errors.InputError: export format 'pyton' is unknown; ...

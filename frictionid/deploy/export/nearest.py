@@ -353,7 +353,7 @@ def cost_of(model: ExportedFriction, held: Friction, *, has_backlash: bool = Tru
 
 
 def reaching(initial: InitialStates) -> InitialStates:
-    """Those of the initial states that reach the horizon, at most 200, evenly."""
+    """Initial states that reach the horizon, at most 200, evenly."""
     rows = np.flatnonzero(initial.last[-1] > 0)
     if len(rows) > _MOST:
         rows = rows[np.linspace(0, len(rows) - 1, _MOST).astype(int)]

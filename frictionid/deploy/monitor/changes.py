@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import MAD, Array, joined, picked, times, usual_step
+from frictionid.arrays import MAD, Array, huber_weight, joined, picked, times, usual_step
 from frictionid.data.plants import Calibration, plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import holds, run_edges
@@ -324,7 +324,7 @@ def _fitted(rows: _Rows, used: Array, prior: Array) -> tuple[Array, Array, Array
         x = inverse @ np.einsum("kip,ki->p", weighted, y)
         left = np.abs(y - A @ x)
         scale = _scale(left[shows], float(np.trace(inverse @ H)), len(prior))
-        weight = shows * np.minimum(1.0, _TUNING * scale / np.maximum(left, 1e-12)) / scale**2
+        weight = shows * huber_weight(left, _TUNING * scale) / scale**2
     scores = (A * (weight * (y - A @ x))[..., None]).sum(axis=1)
     excess = _excess(scores, rows.time[used], (A**2 * weight[..., None]).sum(axis=(0, 1)))
     return x, inverse, excess, rows.left(x)

@@ -125,11 +125,6 @@ class CompressedNetwork(Identifier):
         mean
     iterations : steps at most
     tolerance : a fit ends where a step reduces the cost by less, relative
-
-    Raises
-    ------
-    InputError
-        For another kind of law, or settings out of range.
     """
 
     law: Law

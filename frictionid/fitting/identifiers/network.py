@@ -19,7 +19,7 @@ from frictionid.errors import InputError, needs
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws.mlp import MLP, together
 from frictionid.friction.laws.network_law import NetworkLaw, is_learned
-from frictionid.friction.laws.state_laws import StateNetworkLaw
+from frictionid.friction.laws.state_laws import StateMLP
 
 from ..identifier import Identifier
 from ..one_step.residual import Problem, normalised
@@ -60,11 +60,6 @@ class Network(Identifier):
     compile : let PyTorch compile the cost, with a C++ compiler; that takes half a minute first
 
     The sample time of a law with a memory of samples is that of the problem.
-
-    Raises
-    ------
-    InputError
-        For settings out of range, and a device or compiler that is not there.
     """
 
     law: Law
@@ -101,7 +96,7 @@ class Network(Identifier):
 
     def _scales(self, problem: Problem, weights: Array) -> Array:
         """Scales (F, n, k) of the first parameters of the law."""
-        of_states = isinstance(self.law, StateNetworkLaw)
+        of_states = isinstance(self.law, StateMLP)
         return (state_scales if of_states else friction_scales)(problem, weights)
 
     def _fitted(
@@ -110,7 +105,7 @@ class Network(Identifier):
         weights, law = normalised(weights, problems[0]), self.law
         if self.inputs == "all":
             law = replace(law, others=problems[0].r.shape[1] - 1)
-        if isinstance(law, StateNetworkLaw):
+        if isinstance(law, StateMLP):
             law = replace(law, joints=problems[0].r.shape[1])
         friction, costs = self.train(law, problems, weights, scales, seed)
         training, held = costs.round(5)
@@ -207,13 +202,7 @@ class Network(Identifier):
 
 
 def check_device(device: str) -> None:
-    """Refuse a device that is not there.
-
-    Raises
-    ------
-    InputError
-        Saying what PyTorch sees.
-    """
+    """Refuse a device that is not there."""
     with needs("networks"):
         import torch
 

@@ -50,7 +50,7 @@ def cells(W: Any, read: Any, burn_in: int) -> Any:
 
 
 class CompiledCells(torch.autograd.Function):
-    """The same as `cells`, on the processor."""
+    """`cells` on the processor."""
 
     @staticmethod
     def forward(ctx: Any, W: Any, read: Any, burn_in: int) -> Any:

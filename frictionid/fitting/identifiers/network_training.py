@@ -132,6 +132,8 @@ _LONGEST = 1.0  # gradient of a fold, whose cost is one without friction
 class Adam:
     """Running means of the gradients in parameters theta (F, n, P), and the steps they give.
 
+    That of PyTorch agrees to 1e-14, but its steps take 2 % longer, and it a second to load.
+
     learned : (P,), which parameters change
     """
 
@@ -170,13 +172,7 @@ def _name() -> str:
 
 
 def check_compiler() -> None:
-    """Refuse to compile where there is no C++ compiler.
-
-    Raises
-    ------
-    InputError
-        Saying what to do.
-    """
+    """Refuse to compile where there is no C++ compiler."""
     if not compiler():
         raise InputError(
             f"compile = true: PyTorch needs a C++ compiler, and {_name()!r} is not found: leave "

@@ -249,11 +249,6 @@ def estimator_named(estimator: str, settings: Mapping[str, Any] = MappingProxyTy
         class such as "sklearn.svm.LinearSVR"
     settings : arguments of the regressor's constructor
 
-    Raises
-    ------
-    InputError
-        For unknown names and settings.
-
     >>> estimator_named("knn", {"n_neighbors": 5})
     KNeighborsRegressor()
     """

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
-from frictionid.arrays import MAD, Array, rows_by, usual_step
+from frictionid.arrays import Array, rows_by, scatter, usual_step
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import holds
 from frictionid.errors import InputError
@@ -18,7 +18,7 @@ from frictionid.friction.provenance import OddRecording
 from frictionid.mechanics.plant import base_by_rotors
 
 from ..fit import UNEXPLAINED, Covariance
-from ..parameter_block import Estimate, Parameter, ParameterBlock
+from ..parameter_block import Estimate, Parameter, ParameterBlock, have_prior
 from .sample_intervals import Intervals, cut_windows
 from .windows import Solution
 
@@ -36,13 +36,7 @@ _SCALE = 10.0  # times the nominal base parameters
 def check_blocks(
     blocks: Sequence[ParameterBlock], estimate: Estimate, intervals: Intervals
 ) -> None:
-    """Refuse blocks that no data, or not these data, can tell apart.
-
-    Raises
-    ------
-    InputError
-        Saying which, and the way out.
-    """
+    """Refuse blocks that no data, or not these data, can tell apart."""
     names = [b.name for b in blocks]
     for name in names:
         if names.count(name) > 1:
@@ -50,7 +44,7 @@ def check_blocks(
     parameters = {b.name: b.parameters(estimate) for b in blocks}
     everything = len(estimate.mechanism.base_names)
     scale = len(parameters.get("inertia", ())) == everything and "friction" in parameters
-    informed = any(np.isfinite(p.tolerance) for group in parameters.values() for p in group)
+    informed = have_prior(parameters)
     torque = intervals.dataset.actuated.any()
     remedy = (
         "fix one base parameter that you are sure of, such as "
@@ -124,13 +118,7 @@ def _held_scale(block: ParameterBlock, estimate: Estimate) -> ParameterBlock:
 
 
 def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: float) -> None:
-    """Refuse data with too few windows of so many seconds, wrapped angles, or joints at rest.
-
-    Raises
-    ------
-    InputError
-        Saying which.
-    """
+    """Refuse data with too few windows of so many seconds, wrapped angles, or joints at rest."""
     mechanism = intervals.dataset.mechanism
     _check_unwrapped(intervals.dataset)
     _check_length(intervals, len(parameters), seconds)
@@ -196,10 +184,10 @@ def angle_noise(intervals: Intervals) -> Array:
     Where a motion is so fast that the smoother follows its noise, the third differences of angles,
     to which the motion adds.
     """
-    taken = MAD * np.median(np.abs(intervals.before - intervals.q), axis=0)
+    taken = scatter(intervals.before - intervals.q)
     runs = intervals.dataset.recordings
     rough = np.concatenate([np.diff(r.angle.value, 3, axis=0) for r in runs])
-    most = MAD * np.median(np.abs(rough), axis=0) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
+    most = scatter(rough) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
     noise = np.maximum(np.where(taken < _FOLLOWED * most, most, taken), intervals.rounding)
     sensor = [
         np.median(np.atleast_2d(r.angle.sigma), axis=0) for r in runs if r.angle.sigma is not None
@@ -346,7 +334,7 @@ def odd_recordings(solution: Solution) -> tuple[OddRecording, ...]:
 
 
 def odd_among(sizes: Array, names: Sequence[str]) -> tuple[OddRecording, ...]:
-    """Those of R sizes that stand off from the rest, by the generalised test of [Rosner1983].
+    """Recordings whose sizes (R,) stand off from the rest, by the generalised test of [Rosner1983].
 
     The k largest are odd where the smallest of them stands off from the mean of the R - k others:
 

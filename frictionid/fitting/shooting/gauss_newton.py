@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import MAD, Array
+from frictionid.arrays import Array, huber_cost, scatter
 from frictionid.errors import NoFitError
 from frictionid.progress import report_step
 
@@ -120,9 +120,9 @@ def solve(
 def cost_rise(before: Solution, after: Solution, huber: float) -> float:
     """How much higher the cost is after, of the windows that count before, by the noise before."""
     size = [np.abs(s.residual) / before.sigma for s in (before, after)]
-    costs = [np.where(e <= huber, e**2, huber * (2 * e - huber)) for e in size]
+    rise = huber_cost(size[1], huber) - huber_cost(size[0], huber)
     share = before.counts[:, None] * before.share
-    return float((share[..., None] * (costs[1] - costs[0])).sum())
+    return float((share[..., None] * rise).sum())
 
 
 def step_with_windows(solution: Solution, seconds: float) -> Solution:
@@ -142,9 +142,8 @@ def step_with_windows(solution: Solution, seconds: float) -> Solution:
 def _initial_noise(problem: ShootingProblem, use: Array) -> Array:
     """First estimate of the angle noise (n,) [rad]: what the smoother took off."""
     intervals = problem.intervals
-    off = np.abs(intervals.before - intervals.q)[use]
     floor = np.maximum(1e-9 + 1e-6 * np.abs(intervals.before).max(axis=0), intervals.rounding)
-    return np.maximum(MAD * np.median(off, axis=0), floor)
+    return np.maximum(scatter((intervals.before - intervals.q)[use]), floor)
 
 
 def _solve_stage(
@@ -346,7 +345,7 @@ def _noise(residual: Array, share: Array, leverage: Array) -> Array:
     """Angle noise (n,) [rad] from the residuals, each corrected for its leverage."""
     counts = share > 0
     clean = residual / np.sqrt(np.maximum(1.0 - leverage, 0.05))
-    return np.asarray(MAD * np.median(np.abs(clean[counts]), axis=0))
+    return scatter(clean[counts])
 
 
 def _errors(solution: Solution, H: Array, precision: Array) -> Array:

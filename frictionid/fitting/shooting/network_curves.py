@@ -83,7 +83,7 @@ def curve_of(network: Friction, changes: Array) -> tuple[Friction, Array]:
     to_coefficients = np.linalg.inv(_polynomials(curve.degree))
 
     def coefficients(values: Array) -> Array:
-        """Those (n, s V, r) of curves (n, s V, r) on the nodes of s directions."""
+        """Coefficients (n, s V, r) of curves (n, s V, r) on the nodes of s directions."""
         n, rows, r = values.shape
         sides = values.reshape(n, -1, len(to_coefficients), r)
         return (to_coefficients @ sides).reshape(n, rows, r)

@@ -48,13 +48,7 @@ class KnownCalibration:
     errors: tuple[tuple[str, float], ...] = ()
 
     def on(self, dataset: Dataset) -> Calibration:
-        """The calibration, checked to be of the data set's mechanism.
-
-        Raises
-        ------
-        InputError
-            Where joints or base parameters are not as many.
-        """
+        """The calibration, checked to be of the data set's mechanism."""
         mechanism, base = dataset.mechanism, self.calibration.base
         sizes = (self.calibration.gain.shape[-1], None if base is None else base.shape[-1])
         if sizes[0] != mechanism.n or sizes[1] not in (None, len(mechanism.base_names)):
@@ -143,13 +137,7 @@ class Shooting:
         return self.start.calibrated
 
     def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
-        """The identifier's friction of all folds and of all data, refined unless it is fixed.
-
-        Raises
-        ------
-        InputError
-            Where the fit fails.
-        """
+        """The identifier's friction of all folds and of all data, refined unless it is fixed."""
         if identifier.fixed:
             return self.start.fit(identifier, data, seed)
         first, _ = self.start.friction_of(identifier, data, seed)

@@ -31,6 +31,7 @@ from ..parameter_block import (
     FreeBlock,
     Parameter,
     ParameterBlock,
+    have_prior,
 )
 from ..parameters import MOTOR
 from .sample_intervals import Intervals, ServoGroup, ServoMotion
@@ -259,15 +260,10 @@ def check_servo(
     """Refuse what recordings cannot tell of motor, machine and friction together.
 
     reads_torque : whether friction depends on the motor's torque
-
-    Raises
-    ------
-    InputError
-        Saying which blocks, and the way out.
     """
     parameters = {free.block.name: free.parameters for free in blocks}
     names = {p.name for p in parameters.get("actuator", ())}
-    informed = any(np.isfinite(p.tolerance) for group in parameters.values() for p in group)
+    informed = have_prior(parameters)
     remedy = "fix actuator.kt or actuator.R, or give a prior of the block"
     if "gain" in parameters and "actuator" in parameters:
         raise InputError(

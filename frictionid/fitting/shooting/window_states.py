@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, huber_weight
 from frictionid.dynamics.end_states import end_states
 from frictionid.dynamics.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.state import State, state_of
@@ -217,7 +217,7 @@ def _moved(
     for _ in range(2):
         start = eliminate_states(prediction, weight, sigma, prior).start[:, None, :, None]
         left = prediction.error - (prediction.slope @ start)[..., 0]
-        weight = np.minimum(1.0, _HUBER * sigma / np.maximum(np.abs(left), 1e-12))
+        weight = huber_weight(np.abs(left), _HUBER * sigma)
     step = prediction.moved + (prediction.carried @ start)[..., 0]
     on = windows >= 0
     still = (np.abs(step[..., :n]) < _STILL * sigma).all(axis=(1, 2))

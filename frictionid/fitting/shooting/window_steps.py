@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, huber_cost, picked
 
 from ..parameter_block import Estimate
 from .problem import ShootingProblem
@@ -140,8 +140,7 @@ def _taper(cost: Array, lost: Array) -> Array:
 
 def _costs(prediction: WindowPrediction, sigma: Array, huber: float) -> Array:
     """Huber's cost (W,) of predictions as they stand, none above that of a lost window."""
-    e = np.abs(prediction.error) / sigma
-    rho = np.where(e <= huber, e**2, 2 * huber * e - huber**2) * prediction.share[..., None]
+    rho = huber_cost(np.abs(prediction.error) / sigma, huber) * prediction.share[..., None]
     return np.minimum(rho.sum(axis=(1, 2)), _lost_cost(prediction, huber))
 
 
@@ -181,7 +180,7 @@ def _with_windows_back(point: Point, last: Point, which: Array, move: Array) -> 
 
     Their predictions are written over: copies of all of them are gigabytes.
     """
-    new, old = point.prediction, last.prediction.take(which)
+    new, old = point.prediction, picked(last.prediction, which)
     size = old.slope.shape[-1] - len(move)
     new.error[which] = old.error - old.slope[..., size:] @ move
     new.moved[which] = old.moved + old.carried[..., size:] @ move

@@ -37,10 +37,6 @@ class WindowPrediction(NamedTuple):
     moved: Array
     carried: Array
 
-    def take(self, rows: Array | slice) -> "WindowPrediction":
-        """Those of some windows."""
-        return WindowPrediction(*(x[rows] for x in self))
-
 
 def initial_state_prior(
     intervals: Intervals, nodes: Array, first: Array, angle: Array | float, velocity: Array | float

@@ -35,6 +35,7 @@ from ..parameter_block import (
     Estimate,
     ParameterBlock,
     free_blocks,
+    have_prior,
     values_of,
     with_excess,
     with_values,
@@ -291,13 +292,7 @@ def _groups(solution: TorqueSolution) -> Groups:
 def check_blocks(
     blocks: Sequence[ParameterBlock], estimate: Estimate, balance: TorqueBalance
 ) -> None:
-    """Refuse blocks that the balance of torques does not show, and joints that never slide.
-
-    Raises
-    ------
-    InputError
-        Saying which, and the way out.
-    """
+    """Refuse blocks that the balance of torques does not show, and joints that never slide."""
     name, names = balance.dataset.name, [b.name for b in blocks]
     for block in names:
         if block not in BLOCKS:
@@ -310,7 +305,7 @@ def check_blocks(
     torque = bool(balance.dataset.actuated.any())
     base = estimate.mechanism.base_names
     free = {b.name: b.parameters(estimate) for b in blocks}
-    informed = any(np.isfinite(p.tolerance) for group in free.values() for p in group)
+    informed = have_prior(free)
     # recordings that differ by known amounts, such as a payload, give the others their scale
     loaded = bool(np.ptp(balance.base[balance.use], axis=0).any()) and torque
     if (

@@ -95,7 +95,7 @@ class TorqueProblem(FreeParameters):
         return values_of(self.estimate, self.blocks)[None]
 
     def conditions(self, sigma: Array, weight: Array) -> Conditions:
-        """Those of one fit to torques with noise (n,) [N m], under weights (K, n)."""
+        """Conditions of one fit to torques with noise (n,) [N m], under weights (K, n)."""
         low, high, mean, precision = (each[None] for each in self.limits)
         return Conditions((weight / sigma**2)[None], low, high, mean, precision, np.zeros(1))
 

@@ -122,7 +122,7 @@ class TorqueBalance:
         )
 
     def sliding_problem(self, needed: Array) -> Problem:
-        """The same, with the rows of joints at rest projected out.
+        """`problem_of` with the rows of joints at rest projected out.
 
         Where some joints turn and others slide, rows are in units of their joint's usual torque.
         """

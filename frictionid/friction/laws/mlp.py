@@ -313,7 +313,7 @@ class Ensemble(Law):
 
     @property
     def sample_time(self) -> float | None:  # type: ignore[override]
-        """That of the base."""
+        """The base's sample time."""
         return self.base.sample_time
 
     @property

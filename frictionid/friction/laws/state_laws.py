@@ -177,17 +177,24 @@ _SCALES = (
 )
 
 
-class StateNetworkLaw(NetworkLaw):
-    """Tf = -acceleration f(q, w, u of all joints, cells), f a network with `hidden` tanh units.
+@dataclass(frozen=True)
+class StateMLP(NetworkLaw):
+    """Tf = -acceleration f(q, w, u of all joints), f a network with `hidden` tanh units.
 
     Its inputs are the place, w, a smooth sign of w, and u of each of `joints`. Place is sin q and
     cos q, or q where the joints slide. Joints beyond `joints` are left out, those that there are
     not are zero.
+
+    joints : whose state it sees
+    turning : whether the joints turn, or slide
+    width : of the smooth sign of w that is one of its inputs [rad/s]
     """
 
-    joints: int
-    hidden: tuple[int, ...]
-    turning: bool
+    joints: Count = 2
+    hidden: Hidden = (32, 32)
+    turning: bool = True
+    width: float = 0.1
+    shape = ""  # of an input, not of friction
     scales: ClassVar = _SCALES
     limit = no_limit
 
@@ -212,23 +219,7 @@ class StateNetworkLaw(NetworkLaw):
 
 
 @dataclass(frozen=True)
-class StateMLP(StateNetworkLaw):
-    """Tf = -acceleration f(q, w, u of all joints), f a network with `hidden` tanh units.
-
-    joints : whose state it sees
-    turning : whether the joints turn, or slide
-    width : of the smooth sign of w that is one of its inputs [rad/s]
-    """
-
-    joints: Count = 2
-    hidden: Hidden = (32, 32)
-    turning: bool = True
-    width: float = 0.1
-    shape = ""  # of an input, not of friction
-
-
-@dataclass(frozen=True)
-class StateLSTM(StateNetworkLaw):
+class StateLSTM(StateMLP):
     """Tf = -acceleration f(q, w, u of all joints, cells), the cells reading a sample each time.
 
     cells : that read samples `sample_time` [s] apart; they begin empty
@@ -236,13 +227,9 @@ class StateLSTM(StateNetworkLaw):
     joints, turning, width : as in `StateMLP`
     """
 
-    joints: Count = 2
     cells: Count = 8
     sample_time: Positive = 1 / 60
     hidden: Hidden = (32,)
-    turning: bool = True
-    width: float = 0.1
-    shape = ""
 
     @property
     def gate_sizes(self) -> tuple[int, int]:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, huber_cost
 from frictionid.data.readers.csv_table import csv_text
 from frictionid.data.readers.formats.markers import link_lengths, mirror
 from frictionid.errors import InputError
@@ -138,9 +138,7 @@ def link_noise(sigma: Array) -> Array:
 
 def _huber(x: Array) -> Array:
     """Residuals whose squares are Huber's cost, so that wrong dots do not bend the view."""
-    size = np.abs(x)
-    far = np.sqrt(np.maximum(2 * _HUBER * size - _HUBER**2, 0.0))
-    return np.sign(x) * np.where(size > _HUBER, far, size)
+    return np.sign(x) * np.sqrt(huber_cost(np.abs(x), _HUBER))
 
 
 def length_contradiction(markers: Array, seen: Array, lengths: Array) -> tuple[Array, Array] | None:

@@ -116,13 +116,7 @@ def video_path(film: Film, stem: Path) -> Path:
 
 
 def write_film(film: Film, motion: TrueMotion, stem: Path) -> Path:
-    """Write the video of a motion; its path.
-
-    Raises
-    ------
-    InputError
-        Where it cannot be written.
-    """
+    """Write the video of a motion; its path."""
     jpeg = film.codec != "mpeg4"
     quality = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, _COLOUR[film.codec]]
     codec, rate = ("jpeg", CLOCK) if jpeg else ("mp4v", film.rate)

@@ -162,13 +162,7 @@ def hue_distance(a: Any, b: Any) -> Any:
 
 
 def load_marker_setup(path: Path) -> MarkerSetup:
-    """Markers, links, camera and sync LED of a rig.toml; other tables are left to others.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be read or a setting of these tables is wrong.
-    """
+    """Markers, links, camera and sync LED of a rig.toml; other tables are left to others."""
     tables = {
         key: table for key, table in rig_tables(path).items() if key in MarkerSetup.model_fields
     }

@@ -231,11 +231,6 @@ def video_file(
     """A writer of a QuickTime or MPEG-4 file, which has its name once it is whole.
 
     codec : four letters; rate : frames per second; size : width, height [px]; options : of OpenCV
-
-    Raises
-    ------
-    InputError
-        Where it cannot be written, as on a full disk.
     """
     with written_beside(path) as beside:
         code = cv2.VideoWriter.fourcc(*codec)

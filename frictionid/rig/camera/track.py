@@ -85,13 +85,7 @@ class Tracked:
         write_bytes(Path(path), cv2.imencode(".png", self.sheet())[1].tobytes())
 
     def save_overlay(self, path: str | Path) -> None:
-        """Write the video with markers, angles and states drawn over it (MP4).
-
-        Raises
-        ------
-        InputError
-            Where it cannot be written.
-        """
+        """Write the video with markers, angles and states drawn over it (MP4)."""
         source = self.source
         rate = source.rate if source.rate > 0 else 30.0
         with video_file(Path(path), "mp4v", rate, source.size) as writer:

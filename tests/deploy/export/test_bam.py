@@ -36,7 +36,7 @@ def published(model, rng):
     return {"model": model, "actuator": "xl330", "moment": MOMENT, **values}
 
 
-@pytest.mark.parametrize("model", list(MODELS))
+@pytest.mark.parametrize("model", MODELS)
 def test_each_model_is_that_of_bam(model, tmp_path):
     rng = default_rng(3)
     path = tmp_path / "it.json"
@@ -65,7 +65,7 @@ FRICTIONS = {
 }
 
 
-@pytest.mark.parametrize("model", list(FRICTIONS))
+@pytest.mark.parametrize("model", FRICTIONS)
 def test_what_bam_holds_is_written_and_read_back_as_it_is(model):
     law, row = FRICTIONS[model]
     friction = Friction(law, [row], {"rotor": 0.002, "kt": 0.4, "R": 3.0})

@@ -21,7 +21,6 @@ from frictionid.deploy.export.formats.mujoco import fitted_bodies, not_reached, 
 from frictionid.deploy.export.nearest import kept_inertias
 from frictionid.mechanics import configurations
 from frictionid.mechanics.mjcf_text import mjcf_of
-from frictionid.mechanics.rigid_body.rigid_body_tree import moments_of, pseudo_inertia
 from frictionid.progress import listening
 
 
@@ -80,11 +79,7 @@ def assert_same(text, arm, base):
 
 
 def test_mujoco_has_the_inertia_of_any_bodies_by_their_base_parameters(arm):
-    draw = np.random.default_rng(0)
-    factors = np.linalg.cholesky(pseudo_inertia(arm.tree.inertia))
-    factors = factors + 0.3 * np.tril(draw.standard_normal((3, 4, 4))) * np.abs(factors).max()
-    bodies = moments_of(factors @ np.swapaxes(factors, 1, 2))
-    base = arm.reduction.regrouping @ np.append(bodies, draw.uniform(0.1, 0.5, 4))
+    base = wrist.base_of_other_bodies(arm, np.random.default_rng(0))
     written, parameters = fitted_bodies(arm, base)
     text = mjcf_of(written, parameters)
     assert_same(text, arm, base)

@@ -45,7 +45,7 @@ def test_alarms_are_no_more_often_than_the_rate(count, noise):
     assert np.mean(np.array(p) <= 0.05) <= 0.05 + 2.0 * np.sqrt(0.05 * 0.95 / 200)
 
 
-@pytest.mark.parametrize("cause", list(CAUSES))
+@pytest.mark.parametrize("cause", CAUSES)
 def test_the_cause_that_changed_is_named_alone(cause):
     rng = default_rng(2)
     off = np.zeros(D)

@@ -11,6 +11,7 @@ from fixtures.true_curves import plain_friction
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
+from frictionid.arrays import picked
 from frictionid.dynamics import step_size
 from frictionid.errors import NoFitError
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
@@ -127,7 +128,7 @@ def test_a_window_counts_as_its_cost_grows():
     def cost(grown):
         each = alike._replace(error=alike.error * grown)
         return np.array(
-            [cost_of(each.take([k]), none[:1] > 0, SIGMA, 2.5) for k in range(len(off))]
+            [cost_of(picked(each, [k]), none[:1] > 0, SIGMA, 2.5) for k in range(len(off))]
         )
 
     def plain(grown):

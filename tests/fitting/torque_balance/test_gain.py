@@ -145,13 +145,9 @@ def test_moments_and_pseudo_inertias_make_each_other(tree):
 
 
 def test_what_is_consistent_stays(tree):
-    """Other bodies of the same joints, drawn at random."""
     draw = default_rng(0)
     for _ in range(2):
-        factors = np.linalg.cholesky(pseudo_inertia(tree.tree.inertia))
-        factors = factors + 0.3 * np.tril(draw.standard_normal((3, 4, 4))) * np.abs(factors).max()
-        bodies = moments_of(factors @ np.swapaxes(factors, 1, 2))
-        base = tree.reduction.regrouping @ np.append(bodies, draw.uniform(0.1, 0.5, 4))
+        base = wrist.base_of_other_bodies(tree, draw)
         found = nearest_consistent(tree, base, metric(draw, base))
         assert_allclose(found, base, atol=1e-3 * np.abs(base).max())
 

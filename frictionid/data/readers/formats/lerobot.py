@@ -40,13 +40,7 @@ class LerobotSettings(Strict):
 def tables(
     content: bytes, file: str, settings: Mapping[str, Any], columns: ColumnNames
 ) -> dict[str, Table]:
-    """Table of each episode in a file, by what the name of its recording has behind the file's.
-
-    Raises
-    ------
-    InputError
-        For wrong settings, and files without the features.
-    """
+    """Table of each episode in a file, by what the name of its recording has behind the file's."""
     chosen = checked(LerobotSettings, settings, f"{file}: [reader]")
     if not file.lower().endswith(".parquet"):
         raise InputError(f"{file} is no .parquet file; name data/*/*.parquet in the patterns")
