@@ -15,7 +15,7 @@ BUDGET = {
     "files": 340,
     "classes": 523,
     "tokens of tests": 415_958,
-    "words": 27_963,
+    "words": 27_962,
 }
 NAMES = 69
 
