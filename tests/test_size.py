@@ -14,7 +14,7 @@ BUDGET = {
     "tokens": 566_213,
     "files": 340,
     "classes": 523,
-    "tokens of tests": 415_958,
+    "tokens of tests": 415_965,
     "words": 27_962,
 }
 NAMES = 69

@@ -312,7 +312,7 @@ def test_a_law_that_cannot_be_fitted_is_no_candidate(monkeypatch):
 def test_laws_that_are_fitted_side_by_side_have_the_same_numbers(monkeypatch):
     plan = BY_ANGLES._replace(laws=BY_ANGLES.laws[:2], further=BY_ANGLES.further[:1])
     monkeypatch.setattr("frictionid.quickstart.quick.plan_for", lambda _: plan)
-    few, steps = tiny(recordings=recordings_of_tiny()[:3]), []
+    few, steps = subset(tiny(), 0, 3), []
     assert quick_json(quick(few, steps.append, jobs=2)) == quick_json(quick(few))
     assert sorted(steps) == sorted(plan.steps)
 

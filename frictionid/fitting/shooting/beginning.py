@@ -32,6 +32,7 @@ def begun(stage: Stage) -> Stage:
     """The fitted stage, without what a rough fit of all of it shows to be idle.
 
     Where the rough fit loses many windows, these are made longer, unless their length was given.
+    Base parameters that run off in the end, where nothing is explained, are held if offered.
     """
     law, offered = stage.friction.law, any(b.offered or b.name in IDEAL for b in stage.blocks)
     if law.is_network:
