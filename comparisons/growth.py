@@ -142,7 +142,8 @@ def picture(table: pd.DataFrame) -> Any:
         _curves(left, own, "seconds", label, "processor time [s]")
         _curves(right, own, "memory_gb", label, "most memory [GB]")
         right.axhline(4.0, color=GREY, linestyle=(0, (1, 1)), linewidth=0.8)
-        left.legend()
+        if left.get_legend_handles_labels()[0]:
+            left.legend()
     lines = [page.axes[0].plot([], [], color=GREY, linestyle=KINDS[kind])[0] for kind in NAMES]
     page.legend(lines, list(NAMES.values()), loc="outside lower center", ncols=3)
     return page

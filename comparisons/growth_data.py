@@ -71,7 +71,7 @@ class Data:
 
 
 DEFAULT = tuple(Data("recordings", 25 * times, 343, 60.0) for times in (1, 10, 100))
-ONE = tuple(Data("one", 1, samples, 1e3) for samples in (10_000, 100_000, 1_000_000))
+ONE = tuple(Data("one", 1, samples, 1e3) for samples in (10_000, 100_000, 1_000_000, 10_000_000))
 MANY = tuple(Data("short", count, SHORT, 1e3) for count in (30, 300, 3_000))
 CHAINS = tuple(Data("joints", 3, 1_000, 100.0, joints=n) for n in (1, 3, 10, 30))
 LAWS = tuple(Data("parameters", 25, 343, 60.0, parameters=N) for N in (8, 48, 500, 5_000))

@@ -15,7 +15,7 @@ BUDGET = {
     "files": 340,
     "classes": 523,
     "tokens of tests": 415_965,
-    "words": 27_962,
+    "words": 27_959,
 }
 NAMES = 69
 

@@ -153,7 +153,9 @@ def peak_share() -> Part:
     peer = Side(
         "matrix product, as many operations", lambda: float((matrix @ matrix)[0, 0]), share=share
     )
-    return Part((Case(f"physics step, {operations:.3g} operations", own, peer, bar=0.2),), 6)
+    return Part(
+        (Case(f"physics step, {operations:.3g} operations", own, peer, bar=0.2, drawn=False),), 6
+    )
 
 
 def _parametric() -> Friction:
