@@ -113,9 +113,9 @@ def minimum(
     state = _State(which, x, residual, cost, descent, hessian, secant, damping)
     x, residual, converged = x.copy(), residual.copy(), np.zeros(len(x), dtype=bool)
     while len(which) and count < iterations:
-        state, small, stuck = _next(problem, state, picked(under, which), tolerance, still)
+        state, small, stalled = _next(problem, state, picked(under, which), tolerance, still)
         x[which], residual[which], converged[which] = state.x, state.residual, small
-        state, count = picked(state, ~(small | stuck)), count + 1
+        state, count = picked(state, ~(small | stalled)), count + 1
         which = state.which
     return Minimum(x, residual, count, converged)
 
@@ -123,7 +123,7 @@ def minimum(
 def _next(
     problem: Problem, state: _State, under: Conditions, tolerance: float, still: float
 ) -> tuple[_State, Array, Array]:
-    """State after one step where that lowers the cost; which steps were small, and fits stuck."""
+    """State after one step where that lowers the cost; which steps were small, and fits stalled."""
     step, predicted = _step(state, under)
     x = problem.possible(np.clip(state.x + step, under.low, under.high))
     with np.errstate(all="ignore"):  # a step too far is refused below, whatever it gives
@@ -143,8 +143,8 @@ def _next(
         damping=np.clip(state.damping * factor, *_DAMPING),
     )
     moved = np.flatnonzero(better & ~small)
-    stuck = ~better & (state.damping >= _DAMPING[1])
-    return _with_equations(problem, state, new, moved, picked(under, moved)), small, stuck
+    stalled = ~better & (state.damping >= _DAMPING[1])
+    return _with_equations(problem, state, new, moved, picked(under, moved)), small, stalled
 
 
 def _where(rows: Array, values: Array, others: Array | float) -> Array:

@@ -173,11 +173,11 @@ def _compared(
     outcomes: dict[str, Result | NoFitError] = {}
 
     def fit(laws: Sequence[IdentifierEntry], done: Done) -> None:
-        outcomes.update(dict.fromkeys((law.label for law in laws), NoFitError("")))
-        work = partial(_outcome, benchmark, recipe, shared)
+        work, ended = partial(_outcome, benchmark, recipe, shared), {}
         for i, outcome in side_by_side(work, [(law,) for law in laws], jobs or cpu_count()):
-            outcomes[laws[i].label] = outcome
+            ended[i] = outcome
             done(laws[i].label)
+        outcomes.update((law.label, ended[i]) for i, law in enumerate(laws))
 
     fit(plan.laws, done)
     if plan.further:

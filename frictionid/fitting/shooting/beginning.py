@@ -90,8 +90,8 @@ def _begun_roughly(stage: Stage, rough: Settings) -> Stage:
 def _begun_otherwise(start: Stage, astray: Stage) -> Stage:
     """The first fit from the start that does not go astray, in windows as short as samples allow.
 
-    If none does, and base parameters run off, offered ones are held: friction alone may move a
-    joint.
+    If none does, that of usual windows stays; or, where base parameters run off, the last one with
+    offered ones held: friction alone may move a joint.
     """
     held = _base_held(start) if base_runs_off(astray.solution) else None
     for stage in (start, held):
