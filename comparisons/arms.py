@@ -114,7 +114,7 @@ def left(data: Balances, fit: Fit | frictionid.Fit) -> tuple[Any, Any, Any]:
         calibration = replace(calibration, base=mechanism.base(mechanism.nominal()))
     estimate = Estimate(fit.friction, calibration, mechanism)
     residual = left_to_friction(balance, estimate) - friction
-    both = (residual, balance.logged(0.0).mean[0])
+    both = (residual, balance.logged(np.zeros(()))[0])
     e, u = (sosfiltfilt(data.low_pass, x, axis=0)[:: data.every] for x in both)
     return e, u, balance.start[:: data.every]
 

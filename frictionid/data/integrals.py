@@ -141,6 +141,19 @@ def window_means(
     return mean.reshape(*late.shape, *mean.shape[1:])
 
 
+def moving_average(signal: Signal, width: float) -> Signal:
+    """Means over a width [s] about each sample, joined by lines.
+
+    >>> step = Signal(np.arange(5.0), np.array([[0.0], [0.0], [0.0], [2.0], [2.0]]), "previous")
+    >>> moving_average(step, 2.0).value.ravel()
+    array([0., 0., 0., 1., 2.])
+    """
+    every, half = np.zeros(len(signal.time), dtype=int), width / 2
+    start, stop = signal.time - half, signal.time + half
+    value = window_means(integrals_of([signal]), every, start, stop)
+    return Signal(signal.time, value, "linear")
+
+
 def pieces_of(log: SignalIntegrals, recording: Array, edges: Array) -> Pieces:
     """Torque of recordings (k,) between edges (k, m + 1) [s] of the time it was logged at.
 

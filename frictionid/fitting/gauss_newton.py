@@ -21,6 +21,7 @@ import numpy as np
 from frictionid.arrays import Array, picked
 
 _FIRST, _DAMPING = 1e-6, (1e-9, 1e9)  # of unit diagonals: at first, least and most
+_REFUSED = 1e-3  # least damping after a step that was refused: less would hardly change it
 _NOTHING = 1e-200  # information below this leaves no trace: products of it underflow
 _CLEAR = 1e-8  # a change of slope above rounding
 _CONVEX = 1e-9  # of unit diagonals: a curvature that is negative by rounding
@@ -140,7 +141,9 @@ def _next(
         residual=_where(better, residual, state.residual),
         cost=np.where(better, cost, state.cost),
         secant=_where(better, state.secant, 0.0),
-        damping=np.clip(state.damping * factor, *_DAMPING),
+        damping=np.clip(
+            state.damping * factor, np.where(better, _DAMPING[0], _REFUSED), _DAMPING[1]
+        ),
     )
     moved = np.flatnonzero(better & ~small)
     stalled = ~better & (state.damping >= _DAMPING[1])

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.arrays import Array, rms, stretches
+from frictionid.arrays import Array, rms
 from frictionid.data.plants import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.law_derivatives import reads_of
@@ -41,16 +41,18 @@ from ..parameter_block import (
     with_values,
 )
 from ..parameters import InertiaBlock, on_support
-from ..sandwich import STRETCHES, Groups, clusters_of, excess_of
+from ..sandwich import excess_of
 from .solve import (
     TorqueProblem,
     TorqueSettings,
     TorqueSolution,
+    groups_of,
     left_to_friction,
     logged_gain,
     made_consistent,
     normal_equations,
     solve,
+    squares_like,
 )
 from .torque_balance import TorqueBalance
 
@@ -91,10 +93,10 @@ def fit_torques(
     check_blocks(blocks, _with(estimate, start, balance), balance)
     blocks = tuple(blocks)
     dropped: list[Dropped] = []
+    free = _with_inertia(blocks, definite=False)
+    best, law = _best(identifier, balance, start, free, settings, seed)
     while True:
-        free = _with_inertia(blocks, definite=False)
-        solution, law = _best(identifier, balance, free, settings, seed)
-        solution = _definite(_at_neutral(_weighted(solution)))
+        solution = _definite(_at_neutral(_weighted(best)))
         if settings.consistent:
             solution = made_consistent(solution)
         result = _result(solution, law, tuple(dropped))
@@ -104,6 +106,17 @@ def fit_torques(
             return result
         dropped.append(idle)
         blocks = tuple(b for b in blocks if b.name != idle.block)
+        best = _without(best, idle.block)
+
+
+def _without(solution: TorqueSolution, block: str) -> TorqueSolution:
+    """The fit with a block left out, from where it ended with it."""
+    problem, values = solution.problem, values_of(solution.estimate, solution.problem.blocks)
+    idle = next(b for b in problem.blocks if b.block.name == block)
+    values[idle.columns] = idle.block.values(_nominal(problem.balance), idle.parameters)
+    estimate = with_values(solution.estimate, problem.blocks, values)
+    blocks = tuple(b for b in solution.blocks if b.name != block)
+    return solve(_problem(problem, blocks, estimate))
 
 
 def _with_inertia(
@@ -128,21 +141,23 @@ def _definite(solution: TorqueSolution) -> TorqueSolution:
 def _best(
     identifier: Identifier,
     balance: TorqueBalance,
+    friction: Friction,
     blocks: Sequence[ParameterBlock],
     settings: TorqueSettings,
     seed: int,
 ) -> tuple[TorqueSolution, Law]:
-    """The better fit of two starts: the nominal calibration, and that found from it.
+    """The better fit of two starts: friction for the nominal calibration, and for that found so.
 
     With its law: an identifier that chooses terms does so in each.
     """
     estimate, ended = _nominal(balance), []
     problem = TorqueProblem(balance, (), estimate, settings)
-    for _ in range(_STARTS):
-        if is_coupled_by_load(estimate.mechanism, estimate.friction.law):
-            balance = balance.with_loads(np.asarray(estimate.calibration.base))
-            problem = replace(problem, balance=balance)
-        friction = _friction(identifier, balance, estimate, seed)
+    for turn in range(_STARTS):
+        if turn:
+            if is_coupled_by_load(estimate.mechanism, estimate.friction.law):
+                balance = balance.with_loads(np.asarray(estimate.calibration.base))
+                problem = replace(problem, balance=balance)
+            friction = _friction(identifier, balance, estimate, seed)
         estimate = _with(estimate, friction, balance)
         solution = solve(_problem(problem, on_support(blocks, friction), estimate))
         estimate = solution.estimate
@@ -228,7 +243,7 @@ def _with_held(covariance: Covariance, solution: TorqueSolution) -> Covariance:
 def _weighted(solution: TorqueSolution) -> TorqueSolution:
     """The fit under priors that weigh what they say, see `excess_of`."""
     problem, parameters = solution.problem, solution.problem.parameters
-    excess = excess_of(_groups(solution), parameters)
+    excess = excess_of(groups_of(solution), parameters)
     if (excess == 1.0).all():
         return solution
     blocks = with_excess(solution.blocks, parameters, excess)
@@ -240,7 +255,7 @@ def _at_neutral(solution: TorqueSolution) -> TorqueSolution:
 
     def holding(before: TorqueSolution, several: tuple[Unknown, ...]) -> TorqueSolution | None:
         after = solve(_holding(several, before))
-        rise = _squares(after, before) - _squares(before, before)
+        rise = squares_like(after, before) - squares_like(before, before)
         clear = any(u.shown(rise) for u in several)
         return None if clear else after._replace(held=(*before.held, *several))
 
@@ -264,29 +279,8 @@ def _holding(several: Sequence[Unknown], solution: TorqueSolution) -> TorqueProb
 
 def _local_cost(solution: TorqueSolution) -> LocalCost:
     problem, estimate = solution.problem, solution.estimate
-    values, groups = values_of(estimate, problem.blocks), _groups(solution)
+    values, groups = values_of(estimate, problem.blocks), groups_of(solution)
     return LocalCost(problem.parameters, values, groups, estimate.friction, solution.blocks)
-
-
-def _squares(solution: TorqueSolution, like: TorqueSolution) -> float:
-    """Squares of torques that are left, in units of the noise, weighed as in another solution."""
-    return float((like.weight * (solution.residual / like.sigma) ** 2).sum())
-
-
-def _groups(solution: TorqueSolution) -> Groups:
-    """Normal equations of stretches of the recordings, at the solution.
-
-    Neighbouring torques agree: what scatters is the mean of a stretch, or of a recording.
-    """
-    balance = solution.problem.balance
-    rows = np.flatnonzero(balance.counts.any(axis=1))
-    recording = balance.recording[rows]
-    stretch = stretches(recording, balance.problem.time[rows], STRETCHES)
-    labels, first = np.unique(stretch, return_index=True)
-    each = [solution.normal_equations(rows[stretch == c]) for c in labels]
-    H, g = (np.stack(parts) for parts in zip(*each, strict=True))
-    cluster = clusters_of(H, recording[first], labels)
-    return Groups(H, g, np.zeros(g.shape[1]), solution.free, recording[first], cluster)
 
 
 def check_blocks(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import MAD, Array
+from frictionid.arrays import MAD, Array, stretches
 from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError
 from frictionid.friction import along
@@ -30,6 +30,7 @@ from ..parameter_block import (
     values_of,
     with_values,
 )
+from ..sandwich import STRETCHES, Groups, clusters_of
 from .torque_balance import TorqueBalance
 
 _RECENT = 4  # estimates that are kept
@@ -38,7 +39,7 @@ _RECENT = 4  # estimates that are kept
 def left_to_friction(balance: TorqueBalance, estimate: Estimate) -> Array:
     """Mean torques (K, n) [N m] that rigid bodies do not need: gain u(t - delay) + bias - Y p."""
     calibration = estimate.calibration
-    logged = balance.logged(calibration.delay).mean[0]
+    logged = balance.logged(calibration.delay)[0]
     applied = (calibration.gain * logged + calibration.bias) * estimate.mechanism.motors
     base = calibration.base + balance.base
     return applied - np.einsum("kib,kb->ki", balance.regressor, base)
@@ -149,8 +150,7 @@ class TorqueProblem(FreeParameters):
         (K, n), theta = balance.slides.shape, estimate.friction.theta
         out = np.zeros((K, n if wrench is None else n + len(WRENCH), len(self.parameters)))
         of_joints = out[:, :n]  # a view
-        pieces = balance.logged(estimate.calibration.delay)
-        logged = pieces.mean[0], pieces.mean_later[0]
+        logged = balance.logged(estimate.calibration.delay)
         for block, parameters, columns in self.blocks:
             if block.enters == "friction":
                 law = Linearised(estimate.friction.law, balance.problem)
@@ -176,6 +176,7 @@ class TorqueProblem(FreeParameters):
 
 
 _ROUNDS = 4  # of weights
+_NEAR = 0.1  # of a standard error: a round that only gives the next weights ends there
 
 
 class TorqueSolution(NamedTuple):
@@ -212,9 +213,10 @@ def solve(problem: TorqueProblem) -> TorqueSolution:
     """The free parameters that explain the torques of the windows in use best."""
     settings, counts, x, iterations = problem.settings, problem.balance.counts, problem.x, 0
     residual = problem.residual(x)[0]
-    for _ in range(_ROUNDS):
+    for k in range(_ROUNDS):
         under = problem.conditions(*_weights(residual, counts, settings.huber))
-        end = minimum(problem, x, under, settings.iterations, still=settings.tolerance)
+        still = settings.tolerance if k + 1 == _ROUNDS else max(_NEAR, settings.tolerance)
+        end = minimum(problem, x, under, settings.iterations, still=still)
         x, residual, iterations = end.x, end.residual[0], iterations + end.iterations
     estimate, free = problem.at(x), ((x > under.low) & (x < under.high))[0]
     sigma, weight = _weights(residual, counts, settings.huber)
@@ -242,6 +244,27 @@ def normal_equations(slopes: Array, residual: Array, weights: Array) -> tuple[Ar
     D = slopes.shape[-1]
     weighted = (weights[..., None] * slopes).reshape(-1, D)
     return weighted.T @ slopes.reshape(-1, D), -(weighted.T @ residual.ravel())
+
+
+def squares_like(solution: TorqueSolution, like: TorqueSolution) -> float:
+    """Squares of torques that are left, in units of the noise, weighed as in another solution."""
+    return float((like.weight * (solution.residual / like.sigma) ** 2).sum())
+
+
+def groups_of(solution: TorqueSolution) -> Groups:
+    """Normal equations of stretches of the recordings, at the solution.
+
+    Neighbouring torques agree: what scatters is the mean of a stretch, or of a recording.
+    """
+    balance = solution.problem.balance
+    rows = np.flatnonzero(balance.counts.any(axis=1))
+    recording = balance.recording[rows]
+    stretch = stretches(recording, balance.problem.time[rows], STRETCHES)
+    labels, first = np.unique(stretch, return_index=True)
+    each = [solution.normal_equations(rows[stretch == c]) for c in labels]
+    H, g = (np.stack(parts) for parts in zip(*each, strict=True))
+    cluster = clusters_of(H, recording[first], labels)
+    return Groups(H, g, np.zeros(g.shape[1]), solution.free, recording[first], cluster)
 
 
 _HELD = 1e6  # how much better than the data know the others base parameters are held that are fixed

@@ -10,12 +10,19 @@ parts that turn with it. Six more rows are of a floating base whose wrench is kn
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, rms, usual_step
-from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
+from frictionid.data.integrals import (
+    Pieces,
+    SignalIntegrals,
+    integrals_of,
+    moving_average,
+    pieces_of,
+)
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.plants import on_recorded_base, plant_of
 from frictionid.data.recordings import Dataset, Recording
@@ -83,6 +90,7 @@ class TorqueBalance:
     slides : (K, n), whether the joint moves one way, fast enough, all the time: others do not count
     slowest : (R, m) [rad/s], slowest speeds that the rows of each recording resolve
     use : (K,), windows that may be used
+    log, slow : the logged torques, and their moving averages over the length of a window
     wrench : rows of the base, or None
     """
 
@@ -99,12 +107,27 @@ class TorqueBalance:
     slowest: Array
     use: Array
     log: SignalIntegrals
+    slow: SignalIntegrals
     wrench: BaseWrench | None = None
 
-    def logged(self, delay: Array) -> Pieces:
-        """Means of the torque logged `delay` [s] before, and their derivatives by the delay."""
+    def logged(self, delay: Array) -> tuple[Array, Array]:
+        """Means (K, n) of the torque logged `delay` [s] before, and derivatives by the delay.
+
+        A delay shifts moving averages: the noise of the samples at both ends of a window would
+        be in the derivatives as it is in the means, and make delays too short.
+        """
+        slow = self._means(self.slow, delay)
+        return self._fast + slow.mean[0], slow.mean_later[0]
+
+    @cached_property
+    def _fast(self) -> Array:
+        """Means (K, n) of what the logged torque has beyond its moving average."""
+        sharp, slow = (self._means(log, np.zeros(())).mean[0] for log in (self.log, self.slow))
+        return sharp - slow
+
+    def _means(self, log: SignalIntegrals, delay: Array) -> Pieces:
         edges = np.stack([self.start, self.stop], axis=1) - delay
-        return pieces_of(self.log, self.recording, edges)
+        return pieces_of(log, self.recording, edges)
 
     @property
     def problem(self) -> Problem:
@@ -216,6 +239,7 @@ def torque_balance(
         np.stack([slowest_speeds(s) for s in states]) @ np.abs(plant.mechanism.friction_map).T,
         np.ones(len(stencil), dtype=bool),
         integrals_of([r.torque for r in dataset.recordings]),
+        integrals_of([moving_average(r.torque, window) for r in dataset.recordings]),
         _joined_wrenches(wrenches),
     )
     resting = stiction_mask(balance.problem, None, IN_TURN)

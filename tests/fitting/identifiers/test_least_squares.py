@@ -151,7 +151,7 @@ class Cliff(Drag):
 def test_steps_that_leave_a_laws_domain_are_taken_back():
     problem = explained_by(Drag(), [[0.1, 0.02, 1.4]])
     Cliff.met.clear()
-    found = fit(with_initial(Cliff(1.6), (0.0, 0.1, 0.9)), problem)
+    found = fit(with_initial(Cliff(1.5), (0.0, 0.1, 0.9)), problem)
     assert any(Cliff.met)
     assert_allclose(found.theta[0], [[0.1, 0.02, 1.4]], rtol=1e-6)
 
