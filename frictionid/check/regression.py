@@ -251,8 +251,9 @@ def _solved(X: Array, y: Array, rows: Rows, size: Array) -> tuple[Array, Array, 
         spread = row_rms(full, moving)
     inverse = (V[kept].T / s[kept] ** 2) @ V[kept]
     covariance = sandwich(weighted, residual * weight, block_numbers(rows), inverse)
+    covariance += V[~kept].T @ V[~kept]  # what no row tells is of any usual size
     variance, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    directions = np.concatenate([V[~kept], vectors.T[variance > UNIDENTIFIABLE**2]])
+    directions = vectors.T[variance > UNIDENTIFIABLE**2]
     return x * size, covariance * np.outer(size, size), directions
 
 

@@ -12,6 +12,7 @@ from fixtures.driven_pendulum import simulated
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
+from fixtures.sines import sines
 from fixtures.true_curves import plain_friction
 from fixtures.verdicts import identifiable, kinds, question
 from numpy.random import default_rng
@@ -26,7 +27,8 @@ from frictionid.comparison.fit_model import fit_model
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.signals import clock_of
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal, clock_of
 from frictionid.evaluation import Protocol, prepare
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous
@@ -145,6 +147,28 @@ def test_parameters_that_look_the_same_are_an_unidentifiable_direction():
     estimate, *_ = estimated(one_recording(t, q, u, 0.5, 0.4))
     directions = [{name for name, _ in d} for d in estimate.unidentifiable]
     assert any("inertia" in names for names in directions)
+
+
+def test_a_weight_and_an_offset_of_the_force_look_alike(tmp_path):
+    """Of a vertical axis with a rotor of any inertia: neither is known, the friction is."""
+    lift = tmp_path / "lift.urdf"
+    lift.write_text(
+        '<robot name="lift"><link name="base"/><link name="cage"><inertial><mass value="5.3"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+        '<joint name="axis" type="prismatic"><parent link="base"/><child link="cage"/>'
+        '<axis xyz="0 0 1"/></joint></robot>'
+    )
+    t = np.arange(0.0, 12.0, 0.004)
+    q, w, a = (x[:, 0] for x in sines(t, ((0.1, 2.1), (0.05, 5.3))))
+    u = 5.0 * (a + 9.81) + 6.0 * np.sign(w) + 8.0 * w + 4.0 + default_rng(0).normal(0, 0.1, len(t))
+    one = Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None]))
+    machine = {"urdf": str(lift)}
+    estimate, *_ = estimated(Dataset("lift", machine, (one,)))
+    true = {"mass_cage": 5.0, "offset_1": 4.0, "coulomb_1": 6.0, "viscous_1": 8.0}
+    for name, value in true.items():
+        found, error = estimate.at(name)
+        assert abs(found - value) < 2 * error
+        assert (error > 0.1 * value) == (name in ("mass_cage", "offset_1"))
 
 
 def test_facts_count_what_was_planted():

@@ -116,7 +116,15 @@ def _without(solution: TorqueSolution, block: str) -> TorqueSolution:
     values[idle.columns] = idle.block.values(_nominal(problem.balance), idle.parameters)
     estimate = with_values(solution.estimate, problem.blocks, values)
     blocks = tuple(b for b in solution.blocks if b.name != block)
-    return solve(_problem(problem, blocks, estimate))
+    return solve(_problem(_with_loads(problem, estimate), blocks, estimate))
+
+
+def _with_loads(problem: TorqueProblem, estimate: Estimate) -> TorqueProblem:
+    """The problem with the loads of an estimate's bodies, where friction follows them."""
+    if not is_coupled_by_load(estimate.mechanism, estimate.friction.law):
+        return problem
+    loaded = problem.balance.with_loads(np.asarray(estimate.calibration.base))
+    return replace(problem, balance=loaded)
 
 
 def _with_inertia(
@@ -154,11 +162,9 @@ def _best(
     problem = TorqueProblem(balance, (), estimate, settings)
     for turn in range(_STARTS):
         if turn:
-            if is_coupled_by_load(estimate.mechanism, estimate.friction.law):
-                balance = balance.with_loads(np.asarray(estimate.calibration.base))
-                problem = replace(problem, balance=balance)
-            friction = _friction(identifier, balance, estimate, seed)
-        estimate = _with(estimate, friction, balance)
+            problem = _with_loads(problem, estimate)
+            friction = _friction(identifier, problem.balance, estimate, seed)
+        estimate = _with(estimate, friction, problem.balance)
         solution = solve(_problem(problem, on_support(blocks, friction), estimate))
         estimate = solution.estimate
         ended.append((solution, friction.law))
