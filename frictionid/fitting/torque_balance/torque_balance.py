@@ -10,18 +10,17 @@ parts that turn with it. Six more rows are of a floating base whose wrench is kn
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, rms, usual_step
 from frictionid.data.integrals import (
-    Pieces,
     SignalIntegrals,
     integrals_of,
     moving_average,
     pieces_of,
+    window_means,
 )
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.plants import on_recorded_base, plant_of
@@ -90,7 +89,8 @@ class TorqueBalance:
     slides : (K, n), whether the joint moves one way, fast enough, all the time: others do not count
     slowest : (R, m) [rad/s], slowest speeds that the rows of each recording resolve
     use : (K,), windows that may be used
-    log, slow : the logged torques, and their moving averages over the length of a window
+    slow : moving averages of the logged torques over the length of a window; fast (K, n) : means
+        of what these torques have beyond them
     wrench : rows of the base, or None
     """
 
@@ -106,8 +106,8 @@ class TorqueBalance:
     slides: Array
     slowest: Array
     use: Array
-    log: SignalIntegrals
     slow: SignalIntegrals
+    fast: Array
     wrench: BaseWrench | None = None
 
     def logged(self, delay: Array) -> tuple[Array, Array]:
@@ -116,18 +116,9 @@ class TorqueBalance:
         A delay shifts moving averages: the noise of the samples at both ends of a window would
         be in the derivatives as it is in the means, and make delays too short.
         """
-        slow = self._means(self.slow, delay)
-        return self._fast + slow.mean[0], slow.mean_later[0]
-
-    @cached_property
-    def _fast(self) -> Array:
-        """Means (K, n) of what the logged torque has beyond its moving average."""
-        sharp, slow = (self._means(log, np.zeros(())).mean[0] for log in (self.log, self.slow))
-        return sharp - slow
-
-    def _means(self, log: SignalIntegrals, delay: Array) -> Pieces:
         edges = np.stack([self.start, self.stop], axis=1) - delay
-        return pieces_of(log, self.recording, edges)
+        slow = pieces_of(self.slow, self.recording, edges)
+        return self.fast + slow.mean[0], slow.mean_later[0]
 
     @property
     def problem(self) -> Problem:
@@ -182,7 +173,17 @@ class TorqueBalance:
 
     def where(self, keep: Array) -> "TorqueBalance":
         """The balance of some of the windows, (K,)."""
-        names = "stencil", "regressor", "base", "recording", "start", "stop", "slides", "use"
+        names = (
+            "stencil",
+            "regressor",
+            "base",
+            "recording",
+            "start",
+            "stop",
+            "slides",
+            "fast",
+            "use",
+        )
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
     @property
@@ -224,7 +225,9 @@ def torque_balance(
     first = np.cumsum([0, *map(len, time)])
     stencil = np.concatenate([s + f for s, f in zip(stencils, first[:-1], strict=True)])
     recording = np.repeat(np.arange(len(parts)), list(map(len, start)))
-    nominal = plant.mechanism.nominal_base
+    windows = recording, np.concatenate(start), np.concatenate(stop)
+    nominal, torques = plant.mechanism.nominal_base, [r.torque for r in dataset.recordings]
+    slow = integrals_of([moving_average(torque, window) for torque in torques])
     balance = TorqueBalance(
         dataset,
         Nodes(joined(inputs), np.concatenate(time), first, 2),
@@ -232,14 +235,12 @@ def torque_balance(
         _simpson(most),
         np.concatenate(regressors),
         (plant.p - nominal)[recording],
-        recording,
-        np.concatenate(start),
-        np.concatenate(stop),
+        *windows,
         np.zeros((len(stencil), plant.n), dtype=bool),
         np.stack([slowest_speeds(s) for s in states]) @ np.abs(plant.mechanism.friction_map).T,
         np.ones(len(stencil), dtype=bool),
-        integrals_of([r.torque for r in dataset.recordings]),
-        integrals_of([moving_average(r.torque, window) for r in dataset.recordings]),
+        slow,
+        window_means(integrals_of(torques), *windows) - window_means(slow, *windows),
         _joined_wrenches(wrenches),
     )
     resting = stiction_mask(balance.problem, None, IN_TURN)
