@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.special import fdtrc  # scipy.stats takes half a second to import
@@ -63,15 +64,19 @@ def _shows(
 
 def _torque(friction: Friction, theta: Array) -> Array:
     """Torque (K, n) at inputs of all kinds, of a memory that has just met them."""
-    law = friction.law
-    rng = np.random.default_rng(0)
-    shape = (4, _POINTS, friction.n)
-    x = Inputs(*(_SPEED * 10.0 ** rng.uniform(-_DECADES, 0.0, shape) * rng.choice([-1, 1], shape)))
-    x = x._replace(load=np.abs(x.load), temperature=rng.uniform(*_TEMPERATURES, shape[1:]))
+    law, x = friction.law, _inputs(friction.n)
     dt = np.full((_POINTS, 1), law.sample_time or 0.005)
     before = x.each(lambda value: value[::-1])
     memory = law.advance(theta, x, law.start(theta, before), dt)
     return np.asarray(law.torque(theta, x, memory) + 0.0 * x.w)
+
+
+@cache
+def _inputs(n: int) -> Inputs:
+    """Inputs (K, n) of all kinds."""
+    rng, shape = np.random.default_rng(0), (4, _POINTS, n)
+    x = Inputs(*(_SPEED * 10.0 ** rng.uniform(-_DECADES, 0.0, shape) * rng.choice([-1, 1], shape)))
+    return x._replace(load=np.abs(x.load), temperature=rng.uniform(*_TEMPERATURES, shape[1:]))
 
 
 # A peak that is not there is searched for at any velocity: over two decades of it, in which
