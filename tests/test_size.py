@@ -11,10 +11,10 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_213,
+    "tokens": 566_603,
     "files": 340,
     "classes": 523,
-    "tokens of tests": 415_965,
+    "tokens of tests": 416_418,
     "words": 27_959,
 }
 NAMES = 69
