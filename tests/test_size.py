@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 BUDGET = {
-    "tokens": 566_603,
+    "tokens": 566_800,
     "files": 340,
     "classes": 523,
     "tokens of tests": 416_418,

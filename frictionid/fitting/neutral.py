@@ -39,6 +39,7 @@ _FAR = 10.0  # sizes from neutral, which is hardly plausible
 _BLIND = 1e-13  # of the largest information
 _DAMPING = 1e-8  # of unit diagonals
 _ROUNDING = 1e-9  # of a size
+OWN = 1e-6  # of a parameter's information that no other one shares, or it is no question
 
 
 class Unknown(NamedTuple):
@@ -340,7 +341,9 @@ def with_held(
 ) -> Covariance:
     """The covariance with parameters at their neutral values, as uncertain as their sizes say.
 
-    The free ones f make up for what those h are off that are held, or `pinned` to a neutral bound.
+    The free ones f make up for what those h are off that are held, or `pinned` to a neutral bound;
+    and for sensors that were left out as they showed nothing, the `parameters` that are in neither,
+    whose sizes are infinite: intervals are not narrower than those beside them.
     With sizes s and the normal matrix H (E, E) of all `parameters`, whose information on h counts
     e times less: by the excess of h, or by the usual one of the covariance over H_ff^-1 if larger.
 
@@ -351,17 +354,19 @@ def with_held(
     keys, count = [p.key for p in parameters], len(held)
     at = [keys.index(p.key) for p in covariance.parameters]
     finite = np.flatnonzero(np.isfinite(covariance.error))
-    f, h = (
-        [at[k] for k in finite],
-        [*(keys.index(u.parameter.key) for u in held), *(at[k] for k in pinned)],
-    )
-    size = [*(u.size for u in held), *(covariance.parameters[k].size for k in pinned)]
+    f, h = [at[k] for k in finite], [keys.index(u.parameter.key) for u in held]
     inverse = solve_scaled(H[np.ix_(f, f)], np.eye(len(f)))
+    # what others account for all of, the data do not tell: it is ideal
+    tells = np.diag(H - H[:, f] @ inverse @ H[f]) > OWN * np.diag(H)
+    sensors = [k for k in range(len(keys)) if k not in {*at, *h} and tells[k]]
+    h += [*(at[k] for k in pinned), *sensors]
+    size = [*(u.size for u in held), *(covariance.parameters[k].size for k in pinned)]
+    size += [np.inf for _ in sensors]
     ratio = covariance.error[finite] ** 2 / np.maximum(np.diag(inverse), 1e-300)
     A = np.zeros((len(at), len(h)))
     A[finite] = -inverse @ H[np.ix_(f, h)]
     excess = max(1.0, float(np.median(ratio))) if len(f) else 1.0
-    root = np.sqrt([*(max(u.excess, excess) for u in held), *(excess for _ in pinned)])
+    root = np.sqrt([*(max(u.excess, excess) for u in held), *(excess for _ in h[count:])])
     information = (H[np.ix_(h, h)] + H[np.ix_(h, f)] @ A[finite]) / np.outer(root, root)
     V = np.linalg.inv(np.diag(np.array(size) ** -2.0) + information)
     joint = (A @ V)[:, :count]

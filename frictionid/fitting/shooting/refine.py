@@ -1,6 +1,6 @@
 """Refine a friction by shooting, with whatever else the blocks free."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,10 +17,10 @@ from frictionid.friction.provenance import Estimates, Residuals, Segment
 
 from ..covariance import least_significant, without_shared
 from ..fit import Covariance, Fit
-from ..neutral import at_neutral_bound, freed, sentences_of, with_held
+from ..neutral import OWN, at_neutral_bound, freed, sentences_of, with_held
 from ..one_step.recipe import states_of
 from ..one_step.torque_outliers import without_torque_outliers
-from ..parameter_block import ParameterBlock
+from ..parameter_block import IDEAL, ParameterBlock
 from ..parameters import (
     BacklashBlock,
     BiasBlock,
@@ -226,11 +226,14 @@ def refined_by(stage: Stage, start: Friction) -> tuple[Fit, tuple[str, ...]]:
 
 
 def _with_held(covariance: Covariance, stage: Stage) -> Covariance:
-    """The covariance with held parameters, and what the others would make up for."""
+    """The covariance with held parameters, and what others make up for of these and of sensors."""
     held, bound = stage.held, at_neutral_bound(covariance, stage.solution.estimate.friction)
-    if not (held or bound):
+    blocks = freed([free.block for free in stage.problem.blocks], held)
+    left_out = {d.block for d in stage.dropped} & IDEAL.keys()
+    sensors = _that_may_be_free(stage.solution, blocks, left_out) if left_out else ()
+    if not (held or bound or sensors):
         return covariance
-    wider = widened(stage.solution, freed([free.block for free in stage.problem.blocks], held))
+    wider = widened(stage.solution, (*blocks, *sensors))
     H = wider.curvature + np.diag(wider.problem.limits.precision)
     return with_held(covariance, held, bound, wider.problem.parameters, H)
 
@@ -286,16 +289,10 @@ def _segments(solution: Solution, which: Array, size: Array) -> tuple[Segment, .
 # --- Errors of the model that blocks which were not free would explain ----------------------------
 
 OFFERED: tuple[ParameterBlock, ...] = (InertiaBlock(), DelayBlock(), BiasBlock(), OffsetBlock())
-OF_SERVOS: tuple[ParameterBlock, ...] = (
-    InertiaBlock(),
-    TargetDelayBlock(),
-    BacklashBlock(),
-    *OFFERED[2:],
-)
+OF_SERVOS = (InertiaBlock(), TargetDelayBlock(), BacklashBlock(), *OFFERED[2:])
 NOT_FREE = "Not free, and would show"
 _OFFSET = OffsetBlock()
 _CLEAR = 0.01  # p-value of a block that would show
-_OWN = 1e-6  # of a parameter's information that no other one shares, or it is no question
 
 
 def omitted_blocks(
@@ -319,7 +316,8 @@ def omitted_blocks(
     motors = {b.name for b in fitted if b.enters == "actuator"} == {"actuator"}
     if network or motors or not problem.count:
         return 0.0, (), ()
-    offered = _that_may_be_free(solution, fitted, tested)
+    names = {b.name for b in (*OFFERED, *OF_SERVOS)} - {*tested}
+    offered = _that_may_be_free(solution, fitted, names)
     if not offered:
         return 0.0, (), ()
     wider = widened(solution, (*fitted, *offered))
@@ -330,22 +328,22 @@ def omitted_blocks(
     block = np.array([p.block for p in parameters])
     place = {p.name: k for k, p in enumerate(parameters)}
     before = np.array([place[p.name] for p in problem.parameters])
-    names = tuple(b.name for b in offered)
-    while names:
-        free = np.isin(block, names)
+    left = tuple(b.name for b in offered)
+    while left:
+        free = np.isin(block, left)
         free[before] = True  # they may leave their bounds now
         move = step_of(H, g, free)
         groups = wider.groups._replace(move=move, free=free)
-        p = _p_values(H, groups, [block == name for name in names])
+        p = _p_values(H, groups, [block == name for name in left])
         worst = int(np.argmax(p))
         if p[worst] < _CLEAR:
             alone = np.zeros(len(block), dtype=bool)
             alone[before] = solution.free
-            shift, pairs = (move - step_of(H, g, alone))[before], zip(names, p, strict=True)
+            shift, pairs = (move - step_of(H, g, alone))[before], zip(left, p, strict=True)
             each = ", ".join(f"{name!r} (p = {p_value:.1g})" for name, p_value in pairs)
             words = f"{NOT_FREE}: {each}. Intervals hold what that would change; "
-            return np.outer(shift, shift) / 3.0, names, (f"{words}free them.",)
-        names = (*names[:worst], *names[worst + 1 :])
+            return np.outer(shift, shift) / 3.0, left, (f"{words}free them.",)
+        left = (*left[:worst], *left[worst + 1 :])
     return 0.0, (), ()
 
 
@@ -364,15 +362,15 @@ def widened(solution: Solution, blocks: tuple[ParameterBlock, ...]) -> Solution:
 
 
 def _that_may_be_free(
-    solution: Solution, fitted: tuple[ParameterBlock, ...], tested: Sequence[str]
+    solution: Solution, fitted: tuple[ParameterBlock, ...], names: Collection[str]
 ) -> tuple[ParameterBlock, ...]:
-    """Blocks that are not free and may be, all together."""
-    names = [*(b.name for b in fitted), *tested]
+    """Blocks of some names that are not free and may be, all together."""
     estimate, intervals = solution.estimate, solution.problem.intervals
     driven = has_actuator(fitted)
     if driven:
         estimate = with_servo(estimate, intervals.dataset, OF_SERVOS)
-    offered = [b for b in (OF_SERVOS if driven else OFFERED) if b.name not in names]
+    names = {*names} - {b.name for b in fitted}
+    offered = [b for b in (OF_SERVOS if driven else OFFERED) if b.name in names]
     return telling(fitted, offered, estimate, intervals)[len(fitted) :]
 
 
@@ -386,7 +384,7 @@ def _p_values(H: Array, groups: Groups, blocks: Sequence[Array]) -> list[float]:
     p = []
     for members in blocks:
         size = float((np.abs(move[members]) / np.maximum(error[members], 1e-300)).max())
-        alone = _shared(H, free, members) <= 1.0 - _OWN
+        alone = _shared(H, free, members) <= 1.0 - OWN
         p.append(min(1.0, 2 * float(stdtr(freedom, -size)) * int(members.sum())) if alone else 1.0)
     return p
 

@@ -1,6 +1,6 @@
 """Fit of friction, and whatever else the blocks free, to the balance of torques."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -91,7 +91,7 @@ def fit_torques(
     if start.law.is_network:
         raise InputError(f"{identifier!r}: networks are fitted by one-step recipes and by shooting")
     check_blocks(blocks, _with(estimate, start, balance), balance)
-    blocks = tuple(blocks)
+    blocks, every = tuple(blocks), {b.name: b for b in blocks}
     dropped: list[Dropped] = []
     free = _with_inertia(blocks, definite=False)
     best, law = _best(identifier, balance, start, free, settings, seed)
@@ -99,7 +99,7 @@ def fit_torques(
         solution = _definite(_at_neutral(_weighted(best)))
         if settings.consistent:
             solution = made_consistent(solution)
-        result = _result(solution, law, tuple(dropped))
+        result = _result(solution, law, {d: every[d.block] for d in dropped})
         check_gains(result, balance.dataset)
         idle = least_significant(result.covariance, blocks, settings.significance)
         if idle is None:
@@ -212,7 +212,7 @@ def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance) -> Est
     return estimate._replace(friction=sharp)
 
 
-def _result(solution: TorqueSolution, law: Law, dropped: tuple[Dropped, ...]) -> Fit:
+def _result(solution: TorqueSolution, law: Law, dropped: Mapping[Dropped, ParameterBlock]) -> Fit:
     """The result of a fit by a law, without what was dropped or held."""
     estimate = solution.estimate
     calibration = estimate.calibration
@@ -221,26 +221,28 @@ def _result(solution: TorqueSolution, law: Law, dropped: tuple[Dropped, ...]) ->
     )
     return Fit(
         friction,
-        _with_held(_local_cost(solution).covariance, solution),
+        _with_held(_local_cost(solution).covariance, solution, tuple(dropped.values())),
         Estimates(
             torque_noise=solution.sigma[: estimate.mechanism.n],
             windows=int(solution.problem.balance.use.sum()),
             settled=solution.converged,
             iterations=solution.iterations,
             warnings=(*_warnings(solution), *sentences_of(solution.held)),
-            dropped=dropped,
+            dropped=tuple(dropped),
         ),
         friction,
     )
 
 
-def _with_held(covariance: Covariance, solution: TorqueSolution) -> Covariance:
-    """The covariance with held parameters, and what the others would make up for."""
+def _with_held(
+    covariance: Covariance, solution: TorqueSolution, sensors: tuple[ParameterBlock, ...]
+) -> Covariance:
+    """The covariance with held parameters, and what others make up for of these and of sensors."""
     held, problem, estimate = solution.held, solution.problem, solution.estimate
     bound = at_neutral_bound(covariance, estimate.friction)
-    if not (held or bound):
+    if not (held or bound or sensors):
         return covariance
-    wider = _problem(problem, freed(solution.blocks, held), estimate)
+    wider = _problem(problem, (*freed(solution.blocks, held), *sensors), estimate)
     weights = solution.weight / solution.sigma**2
     H, _ = normal_equations(wider.slopes(estimate), solution.residual, weights)
     return with_held(covariance, held, bound, wider.parameters, H + np.diag(wider.limits.precision))

@@ -168,9 +168,9 @@ def test_what_a_file_keeps_that_the_fit_has_otherwise_is_named(to, fit, describe
     biased = replace(fit.friction.calibration, bias=np.array([0.1, 0.0, 0.0]))
     own = exported(replace(fit.friction, calibration=biased), described.joints)
     lost = "\n".join(writer_of(to)(own, ExportSettings(into=into)).lost)
-    at = described.base_names.index("mx_b")
+    at = described.base_names.index("my_c")
     fitted, file = fit.calibration.base[at], described.nominal_base[at]
-    assert f"mx_b {fitted:.4g} kg m (described {file:.4g})" in lost
+    assert f"my_c {fitted:.4g} kg m (described {file:.4g})" in lost
     assert "--to mujoco without --into writes them" in lost
     assert ("no constant torque (0.1, 0, 0 N m)" in lost) == (to == "urdf")
 
