@@ -14,7 +14,7 @@ BUDGET = {
     "tokens": 566_800,
     "files": 340,
     "classes": 523,
-    "tokens of tests": 416_418,
+    "tokens of tests": 416_540,
     "words": 27_959,
 }
 NAMES = 69

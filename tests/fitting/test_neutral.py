@@ -267,3 +267,13 @@ def test_what_nobody_knows_at_all_stays_so_beside_held_ones():
     parameters, free = two_free(3, np.diag([0.1, np.inf]))
     both = with_held(free, [Unknown(parameters[2], 0.0, 0.3, 1.0, 0.0)], (), parameters, np.eye(3))
     assert_array_equal(both.matrix[1], [0.0, np.inf, 0.0])
+
+
+def test_intervals_beside_sensors_that_were_left_out_are_those_beside_free_ones():
+    """But for one whose column others add up to: nothing tells it, and it is ideal."""
+    X = default_rng(5).normal(size=(40, 5))
+    X[:, 4] = X[:, 0] - X[:, 1]
+    H = X.T @ X
+    parameters, free = two_free(5, np.linalg.inv(H[:2, :2]))
+    both = with_held(free, (), (), parameters, H)
+    assert_allclose(both.matrix, np.linalg.inv(H[:4, :4])[:2, :2], rtol=1e-9)
